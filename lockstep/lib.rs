@@ -17,8 +17,8 @@
 //!   found out on duplicates of its descriptors, or until its deadline.
 //! - What a program reads that is random comes from the run's seed.
 //!
-//! Everything about devices is the world's. The crate knows pseudo-terminals, as [`Port`]s, since
-//! bytes pass them at the kernel's leisure: [`Port::deliver`] returns when they are there.
+//! Everything about devices is the world's. The crate knows pseudo-terminals, as [`Port`]s, whose bytes it
+//! keeps from the kernel's: that takes a time of its own to pass them on.
 //!
 //! It runs on x86-64; elsewhere [`run`] says that it does not. All that is of that architecture is
 //! in `traced/x86_64.rs`.

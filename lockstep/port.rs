@@ -60,8 +60,11 @@ pub struct Port {
     waiting: VecDeque<u8>,
     /// Bytes go through the kernel, since the terminal is not raw.
     in_kernel: bool,
-    /// A client polls it by an epoll, and the kernel has to know whether there are bytes.
-    pub(crate) in_epoll: bool,
+    /// A client polls it by an epoll or is sent a signal (`O_ASYNC`): the kernel has to know whether there
+    /// are bytes.
+    pub(crate) needs_sign: bool,
+    /// The kernel has sent a signal, if it was to send any.
+    pub(crate) has_signalled: bool,
     /// The kernel has bytes that stand for those that wait.
     has_sign: bool,
     lost: u64,
@@ -92,7 +95,8 @@ impl Port {
             pair: None,
             waiting: VecDeque::new(),
             in_kernel: false,
-            in_epoll: false,
+            needs_sign: false,
+            has_signalled: false,
             has_sign: false,
             lost: 0,
             opened: 0,
@@ -149,7 +153,7 @@ impl Port {
             return Ok(false);
         };
         self.waiting.clear();
-        (self.in_kernel, self.in_epoll, self.has_sign) = (false, false, false);
+        (self.in_kernel, self.needs_sign, self.has_sign) = (false, false, false);
         self.modem = 0;
         pair.hang_up()?;
         Ok(std::mem::take(&mut self.opened) > 0)
@@ -191,11 +195,11 @@ impl Port {
             }
         }
         self.in_kernel = !raw;
-        let wants_sign = raw && self.in_epoll && self.is_readable();
+        let wants_sign = raw && self.needs_sign && self.is_readable();
         if self.has_sign && !wants_sign {
             self.take_sign();
         } else if wants_sign && !self.has_sign {
-            self.has_sign = true;
+            (self.has_sign, self.has_signalled) = (true, true);
             let least = self.read_rule().least.unwrap_or(1).max(1);
             rustix::io::write(&pair.master, &vec![0; least])?;
             pair.is_readable();
@@ -203,15 +207,17 @@ impl Port {
         let Some(pair) = self.pair.as_ref().filter(|_| !raw) else {
             return Ok(());
         };
-        while !(self.waiting.is_empty() || pair.is_readable()) {
+        let mut is_done = self.waiting.is_empty() || pair.is_readable();
+        while !is_done {
             let (first, _) = self.waiting.as_slices();
             let chunk = first.get(..MOST_IN_KERNEL).unwrap_or(first);
             match rustix::io::write(&pair.master, chunk) {
                 Ok(count) => drop(self.waiting.drain(..count)),
                 Err(Errno::INTR) => {}
-                Err(Errno::AGAIN) => break,
+                Err(Errno::AGAIN) => return Ok(()),
                 Err(error) => return Err(error.into()),
             }
+            is_done = pair.is_readable() || self.waiting.is_empty();
         }
         Ok(())
     }
@@ -252,7 +258,7 @@ impl Port {
     /// The last client has left; what it has not read is not for the next.
     pub(crate) fn forget_client(&mut self) {
         self.waiting.clear();
-        (self.in_epoll, self.has_sign) = (false, false);
+        (self.needs_sign, self.has_sign) = (false, false);
         self.modem = 0;
         if let Some(pair) = &self.pair {
             // Both cannot fail on a terminal that is there.

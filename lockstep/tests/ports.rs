@@ -4,7 +4,7 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Device, Stage, c_played, play_on, python, python_on};
+use common::{Device, Stage, c_played, c_prints, play_on, python, python_on};
 use rigsim_lockstep::{End, Reason};
 
 #[test]
@@ -60,6 +60,57 @@ wait(1, 0); os.write(fd, b"abc\n"); print(os.read(fd, 2), os.read(fd, 20), at())
         "b'' 2.0\nb'ABC\\n' 2.05\nb'' 2.05\nb'ABC\\nDEF\\n' 2.1\nb'ABC\\n' 2.65\nb'AB' b'C\\n' 2.7\n",
         "{:?}",
         played.ending
+    );
+}
+
+/// The kernel has none of the bytes, and a client cannot tell.
+#[test]
+fn a_port_is_polled_in_every_way() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/epoll.h>
+#include <sys/ioctl.h>
+#include <sys/select.h>
+#include <termios.h>
+#include <unistd.h>
+static volatile int caught; static void signalled(int s) { caught++; }
+static int fd; static char b[32];
+static int unread(void) { int n = -1; ioctl(fd, FIONREAD, &n); return n; }
+static int next(int most) { return read(fd, b, most); }
+int main(void) {
+  int p[2], n; pipe(p); fd = open(getenv("PORT"), O_RDWR | O_NOCTTY | O_NONBLOCK);
+  struct pollfd s[4] = {{p[0], POLLIN}, {fd, POLLIN | POLLOUT}, {-1, POLLIN}, {77, POLLIN}};
+  n = poll(s, 4, 0); printf("poll %d %x %x %x %x;", n, s[0].revents, s[1].revents, s[2].revents, s[3].revents);
+  write(fd, "ab\n", 3); s[1].events = POLLIN; n = poll(s, 3, 1000);
+  printf(" %d %x %x, %d unread,", n, s[0].revents, s[1].revents, unread());
+  n = next(2); printf(" %d", n); n = next(9); printf(" %d", n); n = next(9); printf(" %d\n", n);
+  fd_set in, out; FD_ZERO(&in); FD_ZERO(&out); FD_SET(fd, &in); FD_SET(p[0], &in); FD_SET(p[1], &out);
+  write(fd, "cd\n", 3); struct timeval t = {1, 0}; n = select(90, &in, &out, 0, &t);
+  printf("select %d %d %d %d;", n, !!FD_ISSET(fd, &in), !!FD_ISSET(p[0], &in), !!FD_ISSET(p[1], &out));
+  FD_SET(fd, &in); n = select(90, &in, 0, 0, &t); printf(" %d at %ld;", n, t.tv_usec); next(9);
+  FD_SET(77, &in); n = select(90, &in, 0, 0, &t); printf(" %d\n", n);
+  int e = epoll_create1(0); struct epoll_event one = {EPOLLIN, {0}}, got; epoll_ctl(e, EPOLL_CTL_ADD, fd, &one);
+  write(fd, "ef\n", 3); n = epoll_wait(e, &got, 1, 1000); printf("epoll %d %d", n, next(1));
+  n = epoll_wait(e, &got, 1, 0); printf(" %d %d", n, next(9)); n = epoll_wait(e, &got, 1, 10); printf(" %d;", n);
+  one.events |= EPOLLET; epoll_ctl(e, EPOLL_CTL_MOD, fd, &one); write(fd, "gh\n", 3);
+  n = epoll_wait(e, &got, 1, 1000); printf(" edge %d", n); n = epoll_wait(e, &got, 1, 10); printf(" %d %d", n, next(9));
+  write(fd, "ij\n", 3); n = epoll_wait(e, &got, 1, 1000); printf(" %d\n", n);
+  struct termios raw, line; tcgetattr(fd, &raw); line = raw; line.c_lflag |= ICANON; tcsetattr(fd, TCSANOW, &line);
+  printf("line %d unread", unread()); n = next(9); printf(" %d %.2s,", n, b); n = next(9); printf(" %d\n", n);
+  tcsetattr(fd, TCSANOW, &raw); write(fd, "kl\n", 3); usleep(60000); tcflush(fd, TCIFLUSH);
+  n = epoll_wait(e, &got, 1, 10); printf("flushed %d %d\n", n, unread());
+  epoll_ctl(e, EPOLL_CTL_DEL, fd, 0); signal(SIGIO, signalled); fcntl(fd, F_SETOWN, getpid());
+  fcntl(fd, F_SETFL, O_NONBLOCK | O_ASYNC); write(fd, "mn\n", 3); pause(); n = next(9); printf("signal %d %d\n", caught, n);
+}
+"#,
+        "poll 2 0 4 0 20; 1 0 1, 3 unread, 2 1 -1\nselect 1 0 0 1; 1 at 950000; -1\n\
+         epoll 1 1 1 2 0; edge 1 0 3 1\nline 3 unread 3 IJ, -1\nflushed 0 0\nsignal 1 3\n",
     );
 }
 

@@ -51,7 +51,11 @@ impl Tracer<'_> {
             | Call::EpollWait
             | Call::EpollPwait
             | Call::EpollPwait2 => self.poll_call(entry),
-            Call::EpollCtl => self.add_to_epoll(entry),
+            Call::EpollCtl => self.polled_by_kernel(entry, int(a[2])),
+            Call::Fcntl if int(a[1]) == libc::F_SETFL => match int(a[2]) & libc::O_ASYNC {
+                0 => Ok(Handling::Make),
+                _ => self.polled_by_kernel(entry, int(a[0])),
+            },
             Call::Futex => self.futex(entry),
             Call::Pause | Call::Sigsuspend | Call::Sigtimedwait => self.signal_call(entry),
             Call::Wait4 | Call::Waitid => Ok(self.child_call(entry)),

@@ -202,6 +202,11 @@ impl Tracer<'_> {
                     written.extend([seconds, part].map(i64::to_ne_bytes).as_flattened());
                     places.push((*time, 16));
                 }
+                if memory.write_all(&places, &written).is_err() && *time != 0 {
+                    // A time that cannot be written is no error.
+                    places.pop();
+                    written.truncate(written.len() - 16);
+                }
                 memory.write_all(&places, &written)?;
                 Ok(Some(count))
             }

@@ -128,13 +128,12 @@ impl Tracer<'_> {
         Ok(())
     }
 
-    /// A descriptor is added to an epoll, which polls ports in the kernel.
-    pub(crate) fn add_to_epoll(&mut self, entry: Entry) -> Result<Handling, Halt> {
-        let fd = int(entry.a[2]);
+    /// A descriptor is added to an epoll, or is to send signals: the kernel polls it.
+    pub(crate) fn polled_by_kernel(&mut self, entry: Entry, fd: i32) -> Result<Handling, Halt> {
         self.pass(entry.tid, [fd])?;
         let descriptor = self.descriptor(entry.process, fd).ok_or(Halt::Make)?;
         if let Some(index) = self.port_of(&descriptor) {
-            self.ports[index].in_epoll = true;
+            self.ports[index].needs_sign = true;
             self.ports[index].top_up()?;
         }
         Ok(Handling::Make)

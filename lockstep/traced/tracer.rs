@@ -220,12 +220,13 @@ impl<'a> Tracer<'a> {
         self.look_at_ports()?;
         for port in &mut *self.ports {
             port.top_up()?;
+            self.schedule.signalled |= std::mem::take(&mut port.has_signalled);
         }
         self.send_echoes()?;
-        if !self.look_at_waits()? {
-            return self.let_time_pass();
+        if self.schedule.signalled || self.look_at_waits()? {
+            return Ok(true);
         }
-        Ok(true)
+        self.let_time_pass()
     }
 
     /// Random bytes; `None` if they are to be the system's.

@@ -83,8 +83,8 @@ calls! {
     Wait4 [libc::SYS_wait4] Rule::Stop;
     Waitid [libc::SYS_waitid] Rule::Stop;
     Flock [libc::SYS_flock] Rule::Stop;
-    // F_SETLKW and F_OFD_SETLKW.
-    Fcntl [libc::SYS_fcntl] Rule::If(1, &[7, 38]);
+    // F_SETFL, F_SETLKW and F_OFD_SETLKW.
+    Fcntl [libc::SYS_fcntl] Rule::If(1, &[4, 7, 38]);
     Semop [libc::SYS_semop] Rule::Stop;
     Semtimedop [libc::SYS_semtimedop] Rule::Stop;
     Msgsnd [libc::SYS_msgsnd] Rule::Stop;
