@@ -236,6 +236,14 @@ impl Port {
         self.pair.as_ref().is_some_and(|pair| pair.device == device)
     }
 
+    /// Returns whether clients may have opened or closed one of these since the last time.
+    pub(crate) fn any_changes(ports: &[Self]) -> bool {
+        let watches = ports.iter().filter_map(|port| port.pair.as_ref());
+        let polls = watches.map(|pair| PollFd::new(&pair.watch, PollFlags::IN));
+        let mut polls: Vec<PollFd<'_>> = polls.collect();
+        rustix::event::poll(&mut polls, Some(&Timespec::default())).is_ok_and(|count| count > 0)
+    }
+
     /// Opens (`true`) and closes by clients since the last time.
     pub(crate) fn changes(&mut self) -> Vec<bool> {
         let mut changes = Vec::new();

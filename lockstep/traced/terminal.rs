@@ -1,6 +1,7 @@
 //! Calls on ports: reads, writes, and requests.
 
 use crate::modem;
+use crate::port::Port;
 use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::{Memory, whole_length};
@@ -217,7 +218,7 @@ impl Tracer<'_> {
 
     /// Reports to the world which ports have been opened and closed, if any may have been.
     pub(crate) fn look_at_ports(&mut self) -> Result<(), Halt> {
-        if !self.descriptors.ports_used.take() {
+        if !self.descriptors.ports_used.take() || !Port::any_changes(self.ports) {
             return Ok(());
         }
         for index in 0..self.ports.len() {
