@@ -348,6 +348,19 @@ fn several_clients_drive_at_a_time() {
     }
 }
 
+/// Four threads on one port, with a reader that asks how much there is before each read.
+#[test]
+fn threads_share_a_port() {
+    let Some(python) = python() else { return };
+    let client = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clients/four_threads.py");
+    let long = DRIVE.replace("\"4 s\"", "\"20 s\"");
+    let folder = Folder::with(&[("drive.toml", &long)]);
+    let args = ["--twice", "--output", "out", "drive.toml"];
+    run(&folder, &args, &[python, client, "15"]).expect_clean();
+    let output = folder.read("out/drive.client.log");
+    assert!(output.contains(" bytes in "), "{output}");
+}
+
 /// Each run writes down what the simulator holds then, and as much output as is ever shown.
 #[test]
 fn nothing_piles_up_over_a_thousand_runs() {
