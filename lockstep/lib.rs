@@ -8,8 +8,8 @@
 //!
 //! # How it works
 //!
-//! - A seccomp filter stops threads at the calls that matter: sleeps, waits, and whatever may wait for
-//!   others. All other calls run at full speed.
+//! - A seccomp filter stops threads at the syscalls that matter: sleeps, waits, and whatever may wait for
+//!   others. All other syscalls run at full speed.
 //! - Clocks are read in the program's own memory: the functions of its vDSO are replaced.
 //! - One thread runs at a time, until it waits; then the one that began first of those that can run.
 //!   So the order of everything is the same on each run, whatever else the machine does.
@@ -155,7 +155,7 @@ pub struct Ending {
     pub reason: Reason,
     /// Things outside of the run that were waited for; it is not repeatable if there are any.
     pub outside: BTreeSet<String>,
-    /// Calls that were refused, and may explain a failure.
+    /// Syscalls that were refused, and may explain a failure.
     pub refused: BTreeSet<String>,
     /// Names of syscalls that were answered with `ENOSYS`, as by a system that lacks them. Programs try
     /// some of them and do without.
@@ -164,7 +164,7 @@ pub struct Ending {
     pub left: BTreeSet<String>,
     /// Time at which it ended, in nanoseconds since it began.
     pub at: u64,
-    /// Calls at which it was stopped.
+    /// Syscalls at which it was stopped.
     pub calls: u64,
     /// The system refused to fix the addresses of the program's memory by the seed.
     pub random_addresses: bool,

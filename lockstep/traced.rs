@@ -1,4 +1,4 @@
-//! The mechanism: who runs and who waits, and what becomes of each call.
+//! The mechanism: which thread runs and which waits, and how each syscall is handled.
 
 #[path = "traced/x86_64.rs"]
 mod arch;
@@ -12,7 +12,6 @@ mod futex;
 mod inject;
 mod limits;
 mod loading;
-mod look;
 mod memory;
 mod one_processor;
 mod outside;
@@ -36,6 +35,7 @@ mod transfers;
 mod tree;
 mod turns;
 mod wait;
+mod wait_polls;
 mod words;
 
 pub use tracer::run;

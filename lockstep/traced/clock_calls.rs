@@ -1,6 +1,6 @@
-//! Calls that ask for the time, or set it, or sleep.
+//! Syscalls that read the time, set it, or sleep.
 
-use crate::traced::arch::Call;
+use crate::traced::arch::Syscall;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::memory::Memory;
 use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
@@ -15,8 +15,8 @@ impl Tracer<'_> {
         let a = entry.a;
         let memory = Memory(entry.tid);
         let set = match entry.call {
-            Call::ClockSettime => Some((int(a[0]), a[1], span as fn((i64, i64)) -> Option<u64>)),
-            Call::Settimeofday => Some((libc::CLOCK_REALTIME, a[0], span_micros as _)),
+            Syscall::ClockSettime => Some((int(a[0]), a[1], span as fn((i64, i64)) -> Option<u64>)),
+            Syscall::Settimeofday => Some((libc::CLOCK_REALTIME, a[0], span_micros as _)),
             _ => None,
         };
         if let Some((clock, address, read)) = set {
@@ -28,17 +28,17 @@ impl Tracer<'_> {
             self.clocks.set_real(to, self.now);
             return Ok(Handling::Answer(0));
         }
-        if let Some(action) = self.ask(entry) {
+        if let Some(action) = self.query(entry) {
             return Ok(action);
         }
         match entry.call {
-            Call::ClockGettime => {
+            Syscall::ClockGettime => {
                 let shown = self.clocks.show(int(a[0]), self.now).ok_or(Halt::Make)?;
                 let (seconds, nanoseconds) = parts(shown);
                 memory.write_pair(a[1], seconds, nanoseconds)?;
                 Ok(Handling::Answer(0))
             }
-            Call::Gettimeofday => {
+            Syscall::Gettimeofday => {
                 if a[0] != 0 {
                     let (seconds, micros) = parts_micros(self.clocks.real(self.now));
                     memory.write_pair(a[0], seconds, micros)?;
@@ -48,7 +48,7 @@ impl Tracer<'_> {
                 }
                 Ok(Handling::Answer(0))
             }
-            Call::Time => {
+            Syscall::Time => {
                 let (seconds, _) = parts(self.clocks.real(self.now));
                 if a[0] != 0 {
                     memory.write(a[0], &seconds.to_ne_bytes())?;
@@ -76,7 +76,7 @@ impl Tracer<'_> {
 
     pub(crate) fn sleep(&mut self, Entry { tid, call, a, .. }: Entry) -> Result<Handling, Halt> {
         let (clock, absolute, time, rest) = match call {
-            Call::Nanosleep => (libc::CLOCK_MONOTONIC, false, a[0], a[1]),
+            Syscall::Nanosleep => (libc::CLOCK_MONOTONIC, false, a[0], a[1]),
             _ => (int(a[0]), a[1] & 1 != 0, a[2], a[3]),
         };
         let time = span(Memory(tid).read_pair(time)?).ok_or(Halt::Make)?;
@@ -91,6 +91,6 @@ impl Tracer<'_> {
             return Ok(Handling::Make);
         }
         let rest = (!absolute && rest != 0).then_some(rest);
-        Ok(Handling::Hold(Wait::Sleep { rest }, deadline))
+        Ok(Handling::Block(Wait::Sleep { rest }, deadline))
     }
 }

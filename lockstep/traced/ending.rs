@@ -76,7 +76,7 @@ impl Tracer<'_> {
                 Ok(Some((tid, status))) if libc::WIFSTOPPED(status) => {
                     // A child that was being made, or a thread on its way out.
                     let _ = sys::kill(tid, libc::SIGKILL);
-                    let _ = sys::go_on(tid, 0);
+                    let _ = sys::resume(tid, 0);
                 }
                 Ok(Some((tid, status))) => self.gone(tid, status),
                 Err(error) if error.raw_os_error() == Some(libc::ECHILD) => {

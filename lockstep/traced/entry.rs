@@ -1,6 +1,6 @@
-//! Handling of each call at which a thread is stopped, and of those whose end is looked at.
+//! Handling of each syscall at which a thread is stopped, and of their exit stops.
 
-use crate::traced::arch::{self, Call, Registers, Vdso};
+use crate::traced::arch::{self, Registers, Syscall, Vdso};
 use crate::traced::clock::{parts, parts_micros};
 use crate::traced::memory::Memory;
 use crate::traced::one_processor::{affinity, current};
@@ -14,12 +14,12 @@ use crate::traced::wait::{Resume, Wait};
 const STA_NANO: u32 = libc::STA_NANO.cast_unsigned();
 
 impl Tracer<'_> {
-    /// Decides what becomes of a call.
+    /// Decides how a syscall is handled.
     pub(crate) fn call(
         &mut self,
         tid: Tid,
         registers: Registers,
-        crept: bool,
+        backed_off: bool,
     ) -> Result<Handling, Halt> {
         let call = arch::call(registers.number()).ok_or(Halt::Make)?;
         let process = self.tree.process_of(tid);
@@ -31,111 +31,113 @@ impl Tracer<'_> {
             call,
             registers,
             a,
-            crept,
+            backed_off,
         };
         match call {
-            Call::ClockGettime
-            | Call::Gettimeofday
-            | Call::Time
-            | Call::Times
-            | Call::ClockSettime
-            | Call::Settimeofday => self.clock_call(entry),
-            Call::Adjtimex => Self::adjust(entry, a[0]),
-            Call::ClockAdjtime => Self::adjust(entry, a[1]),
-            Call::Sysinfo => Ok(Handling::ToEnd(registers, AtEnd::Uptime(a[0]))),
-            Call::Nanosleep | Call::ClockNanosleep => self.sleep(entry),
-            Call::Poll
-            | Call::Ppoll
-            | Call::Select
-            | Call::Pselect
-            | Call::EpollWait
-            | Call::EpollPwait
-            | Call::EpollPwait2 => self.poll_call(entry),
-            Call::EpollCtl => self.polled_by_kernel(entry, int(a[2])),
-            Call::Fcntl if int(a[1]) == libc::F_SETFL => match int(a[2]) & libc::O_ASYNC {
+            Syscall::ClockGettime
+            | Syscall::Gettimeofday
+            | Syscall::Time
+            | Syscall::Times
+            | Syscall::ClockSettime
+            | Syscall::Settimeofday => self.clock_call(entry),
+            Syscall::Adjtimex => Self::adjust(entry, a[0]),
+            Syscall::ClockAdjtime => Self::adjust(entry, a[1]),
+            Syscall::Sysinfo => Ok(Handling::ToEnd(registers, AtEnd::Uptime(a[0]))),
+            Syscall::Nanosleep | Syscall::ClockNanosleep => self.sleep(entry),
+            Syscall::Poll
+            | Syscall::Ppoll
+            | Syscall::Select
+            | Syscall::Pselect
+            | Syscall::EpollWait
+            | Syscall::EpollPwait
+            | Syscall::EpollPwait2 => self.poll_call(entry),
+            Syscall::EpollCtl => self.polled_by_kernel(entry, int(a[2])),
+            Syscall::Fcntl if int(a[1]) == libc::F_SETFL => match int(a[2]) & libc::O_ASYNC {
                 0 => Ok(Handling::Make),
                 _ => self.polled_by_kernel(entry, int(a[0])),
             },
-            Call::Futex => self.futex(entry),
-            Call::Pause | Call::Sigsuspend | Call::Sigtimedwait => self.signal_call(entry),
-            Call::Wait4 | Call::Waitid => Ok(self.child_call(entry)),
-            Call::Flock
-            | Call::Fcntl
-            | Call::Semop
-            | Call::Semtimedop
-            | Call::Msgsnd
-            | Call::Msgrcv => self.lock_call(entry),
-            Call::Read
-            | Call::Readv
-            | Call::Pread
-            | Call::Preadv
-            | Call::Preadv2
-            | Call::Write
-            | Call::Writev
-            | Call::Pwritev2
-            | Call::Recvfrom
-            | Call::Recvmsg
-            | Call::Recvmmsg
-            | Call::Sendto
-            | Call::Sendmsg
-            | Call::Sendmmsg
-            | Call::Accept
-            | Call::Splice
-            | Call::Tee
-            | Call::Vmsplice
-            | Call::Sendfile
-            | Call::MqTimedsend
-            | Call::MqTimedreceive => self.transfer_call(entry),
-            Call::Ioctl => self.request(entry),
-            Call::Close => Ok(self.close(process, int(a[0])..=int(a[0]))),
-            Call::Dup => Ok(self.close(process, int(a[1])..=int(a[1]))),
-            Call::CloseRange => {
+            Syscall::Futex => self.futex(entry),
+            Syscall::Pause | Syscall::Sigsuspend | Syscall::Sigtimedwait => self.signal_call(entry),
+            Syscall::Wait4 | Syscall::Waitid => Ok(self.child_call(entry)),
+            Syscall::Flock
+            | Syscall::Fcntl
+            | Syscall::Semop
+            | Syscall::Semtimedop
+            | Syscall::Msgsnd
+            | Syscall::Msgrcv => self.lock_call(entry),
+            Syscall::Read
+            | Syscall::Readv
+            | Syscall::Pread
+            | Syscall::Preadv
+            | Syscall::Preadv2
+            | Syscall::Write
+            | Syscall::Writev
+            | Syscall::Pwritev2
+            | Syscall::Recvfrom
+            | Syscall::Recvmsg
+            | Syscall::Recvmmsg
+            | Syscall::Sendto
+            | Syscall::Sendmsg
+            | Syscall::Sendmmsg
+            | Syscall::Accept
+            | Syscall::Splice
+            | Syscall::Tee
+            | Syscall::Vmsplice
+            | Syscall::Sendfile
+            | Syscall::MqTimedsend
+            | Syscall::MqTimedreceive => self.transfer_call(entry),
+            Syscall::Ioctl => self.request(entry),
+            Syscall::Close => Ok(self.close(process, int(a[0])..=int(a[0]))),
+            Syscall::Dup => Ok(self.close(process, int(a[1])..=int(a[1]))),
+            Syscall::CloseRange => {
                 let [first, last] =
                     [a[0], a[1]].map(|fd| i32::try_from(low(fd)).unwrap_or(i32::MAX));
                 Ok(self.close(process, first..=last))
             }
-            Call::Alarm => Ok(self.alarm(process, a[0])),
-            Call::Setitimer => self.interval_timer(entry, Some(a[1]), a[2]),
-            Call::Getitimer => self.interval_timer(entry, None, a[1]),
-            Call::TimerCreate => self.timer_create(entry),
-            Call::TimerSettime => self.posix_timer(entry, Some((a[1], a[2])), a[3]),
-            Call::TimerGettime => self.posix_timer(entry, None, a[1]),
-            Call::TimerDelete => Ok(self.timer_delete(entry)),
-            Call::TimerfdSettime => self.timer_descriptor(entry, Some((a[1], a[2])), a[3]),
-            Call::TimerfdGettime => self.timer_descriptor(entry, None, a[1]),
-            Call::Getrandom => self.random_bytes(tid, &[(a[0], a[1])]),
-            Call::Yield => Ok(self.ask(entry).unwrap_or_else(|| {
+            Syscall::Alarm => Ok(self.alarm(process, a[0])),
+            Syscall::Setitimer => self.interval_timer(entry, Some(a[1]), a[2]),
+            Syscall::Getitimer => self.interval_timer(entry, None, a[1]),
+            Syscall::TimerCreate => self.timer_create(entry),
+            Syscall::TimerSettime => self.posix_timer(entry, Some((a[1], a[2])), a[3]),
+            Syscall::TimerGettime => self.posix_timer(entry, None, a[1]),
+            Syscall::TimerDelete => Ok(self.timer_delete(entry)),
+            Syscall::TimerfdSettime => self.timer_descriptor(entry, Some((a[1], a[2])), a[3]),
+            Syscall::TimerfdGettime => self.timer_descriptor(entry, None, a[1]),
+            Syscall::Getrandom => self.random_bytes(tid, &[(a[0], a[1])]),
+            Syscall::Yield => Ok(self.query(entry).unwrap_or_else(|| {
                 self.give_way(tid);
                 Handling::Answer(0)
             })),
-            Call::Getaffinity => affinity(tid, a[1], a[2]),
-            Call::Getcpu => current(tid, a[0], a[1]),
-            Call::Setaffinity => Ok(Handling::Answer(0)),
+            Syscall::Getaffinity => affinity(tid, a[1], a[2]),
+            Syscall::Getcpu => current(tid, a[0], a[1]),
+            Syscall::Setaffinity => Ok(Handling::Answer(0)),
             // Only after a stop by job control.
-            Call::Restart => Ok(failure(libc::EINTR)),
-            Call::Kill | Call::Tgkill | Call::PidfdSendSignal => Ok(Self::kill_call(entry)),
-            Call::Sigaction => self.fault_action(entry),
-            Call::Signalfd => {
+            Syscall::Restart => Ok(failure(libc::EINTR)),
+            Syscall::Kill | Syscall::Tgkill | Syscall::PidfdSendSignal => {
+                Ok(Self::kill_call(entry))
+            }
+            Syscall::Sigaction => self.fault_action(entry),
+            Syscall::Signalfd => {
                 self.descriptors.has_signalfd = true;
                 Ok(Handling::Make)
             }
-            Call::Exit => Ok(self.exit(tid, process)),
-            Call::ExitGroup => {
+            Syscall::Exit => Ok(self.exit(tid, process)),
+            Syscall::ExitGroup => {
                 self.is_dying(process);
                 Ok(Handling::Make)
             }
-            Call::Clone => {
+            Syscall::Clone => {
                 // The child is traced like all others.
                 let mut registers = registers;
                 registers.set_argument(0, a[0] & !0x0080_0000);
                 registers.set(tid)?;
                 Ok(Handling::Make)
             }
-            Call::Missing => {
+            Syscall::Missing => {
                 self.report.missing.insert(call_name(registers.number()));
                 Ok(failure(libc::ENOSYS))
             }
-            Call::Ptrace => {
+            Syscall::Ptrace => {
                 self.report
                     .refused
                     .insert("a debugger: only one can trace a program, and that is sim".to_owned());
@@ -144,15 +146,15 @@ impl Tracer<'_> {
         }
     }
 
-    /// A call has come to its end that is looked at.
-    pub(crate) fn end_of_call(&mut self, tid: Tid) -> Result<(), Halt> {
+    /// A thread is at an exit stop that matters.
+    pub(crate) fn syscall_exit(&mut self, tid: Tid) -> Result<(), Halt> {
         self.tree.set_state(tid, State::Ready(Resume::Go(0)));
         let Some(at_end) = self.tree.thread(tid)?.at_end.take() else {
             return Ok(());
         };
         let registers = Registers::of(tid)?;
         let result = registers.result();
-        // As the program left them, but for what the call returns.
+        // As the program left them, but for what the syscall returns.
         let back = |mut before: Registers| {
             before.set_result(result);
             before.set(tid)
@@ -161,7 +163,7 @@ impl Tracer<'_> {
             AtEnd::Restore(before) => back(before)?,
             AtEnd::Child(before) => {
                 let waits = match arch::call(before.number()) {
-                    Some(Call::Wait4) => result == 0,
+                    Some(Syscall::Wait4) => result == 0,
                     // It reports no child.
                     _ => {
                         let info = before.arguments()[2];
@@ -170,7 +172,7 @@ impl Tracer<'_> {
                 };
                 back(before)?;
                 if waits {
-                    self.hold(tid, before, Wait::Child, None);
+                    self.block(tid, before, Wait::Child, None);
                 } else {
                     self.has_changed(tid)?;
                 }
@@ -182,7 +184,7 @@ impl Tracer<'_> {
                 back(before)?;
                 let is_waiting = |errno: &i32| result == -i64::from(*errno);
                 if end.would_wait.iter().any(is_waiting) {
-                    self.hold(tid, before, Wait::Again { late: end.late }, end.deadline);
+                    self.block(tid, before, Wait::Again { late: end.late }, end.deadline);
                 } else {
                     self.has_changed(tid)?;
                 }
@@ -221,7 +223,7 @@ impl Tracer<'_> {
         Ok(())
     }
 
-    /// A call that had been made again has done something.
+    /// A syscall that was made again has done something.
     fn has_changed(&mut self, tid: Tid) -> Result<(), Halt> {
         self.schedule.happened += 1;
         self.tree.thread(tid)?.retries = false;

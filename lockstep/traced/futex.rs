@@ -9,7 +9,7 @@ use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, failure, low};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::{Retried, State, Thread};
-use crate::traced::wait::{FutexKey, Hold, Resume, Wait};
+use crate::traced::wait::{Block, FutexKey, Resume, Wait};
 
 const ALL_BITS: u32 = u32::MAX;
 
@@ -45,7 +45,7 @@ impl Tracer<'_> {
                     expected: value,
                     bits,
                 };
-                Ok(Handling::Hold(wait, deadline))
+                Ok(Handling::Block(wait, deadline))
             }
             libc::FUTEX_WAKE | libc::FUTEX_WAKE_BITSET => {
                 let bits = if command == libc::FUTEX_WAKE {
@@ -136,8 +136,13 @@ impl Tracer<'_> {
     }
 
     fn wake_one(&mut self, tid: Tid) -> io::Result<()> {
-        if let Some(hold) = self.tree.threads.get(&tid).and_then(|thread| thread.hold()) {
-            let registers = hold.registers;
+        if let Some(block) = self
+            .tree
+            .threads
+            .get(&tid)
+            .and_then(|thread| thread.block())
+        {
+            let registers = block.registers;
             registers.answer(tid, 0)?;
         }
         self.tree.set_state(tid, State::Ready(Resume::Go(0)));
@@ -145,8 +150,8 @@ impl Tracer<'_> {
     }
 
     fn waiters(&self, wanted: FutexKey, with: u32) -> Vec<Tid> {
-        let waits = |(tid, thread): (&Tid, &Thread)| match thread.hold()? {
-            Hold {
+        let waits = |(tid, thread): (&Tid, &Thread)| match thread.block()? {
+            Block {
                 wait: Wait::Futex { key, bits, .. },
                 since,
                 ..
@@ -166,10 +171,10 @@ impl Tracer<'_> {
             }
             // What is there says nothing of how long to wait.
             let word = Memory(tid).read_u32(there).unwrap_or_default();
-            if let Some(hold) = self.tree.hold_of(tid)
-                && let Wait::Futex { bits, .. } = hold.wait
+            if let Some(block) = self.tree.block_of(tid)
+                && let Wait::Futex { bits, .. } = block.wait
             {
-                hold.wait = Wait::Futex {
+                block.wait = Wait::Futex {
                     key: to,
                     address: there,
                     expected: word,
@@ -188,14 +193,16 @@ impl Tracer<'_> {
             .tree
             .threads
             .iter()
-            .filter(|(tid, thread)| match thread.hold().map(|hold| &hold.wait) {
-                Some(Wait::Futex {
-                    address, expected, ..
-                }) => Memory(**tid)
-                    .read_u32(*address)
-                    .is_ok_and(|now| now != *expected),
-                _ => false,
-            })
+            .filter(
+                |(tid, thread)| match thread.block().map(|block| &block.wait) {
+                    Some(Wait::Futex {
+                        address, expected, ..
+                    }) => Memory(**tid)
+                        .read_u32(*address)
+                        .is_ok_and(|now| now != *expected),
+                    _ => false,
+                },
+            )
             .map(|(tid, _)| *tid)
             .collect();
         for tid in changed {

@@ -11,7 +11,7 @@ use crate::traced::tracer::Tracer;
 
 impl Tracer<'_> {
     /// Makes a syscall by a stopped thread, and returns its result. Afterwards the thread has the
-    /// registers that it had, and is at the end of a call.
+    /// registers that it had, and is at a syscall-exit stop.
     ///
     /// # Errors
     /// `ENOSYS` if no instruction for it is known, and `ESRCH` if the thread is killed.
@@ -31,10 +31,10 @@ impl Tracer<'_> {
         before.call(gate, number, arguments).set(tid)?;
         let mut has_begun = false;
         let result = loop {
-            sys::go_on_to_end_of_call(tid, 0)?;
+            sys::resume_to_syscall_exit(tid, 0)?;
             let is_call = self.wait_for_stop(tid)?;
             let registers = Registers::of(tid)?;
-            // Else it is the end of the call at which the thread was, which is not made.
+            // Else it is the end of the syscall at which the thread was, which is not made.
             if is_call && registers.number() == number {
                 if has_begun {
                     break registers.result();
@@ -66,7 +66,7 @@ impl Tracer<'_> {
         result
     }
 
-    /// Returns whether it has stopped at the beginning or the end of a call.
+    /// Returns whether it has stopped at a syscall-entry or a syscall-exit stop.
     fn wait_for_stop(&mut self, tid: Tid) -> Result<bool, Halt> {
         loop {
             match sys::wait(Some(tid), true) {

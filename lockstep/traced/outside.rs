@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-use crate::traced::arch::Call;
+use crate::traced::arch::Syscall;
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
 use crate::traced::proc::{files_of, members_of_epoll, path_of};
@@ -42,7 +42,7 @@ impl Tracer<'_> {
     pub(crate) fn outside_waits(&self) -> Vec<Outside> {
         let mut all = Vec::new();
         for thread in self.tree.threads.values() {
-            let set = match thread.hold().map(|hold| &hold.wait) {
+            let set = match thread.block().map(|block| &block.wait) {
                 Some(Wait::Descriptor { fd, flags, .. }) => vec![(*fd, *flags)],
                 Some(Wait::Poll { set, .. }) => set.clone(),
                 _ => continue,
@@ -91,9 +91,9 @@ impl Tracer<'_> {
         let Entry { tid, call, a, .. } = entry;
         let memory = Memory(tid);
         let (address, length) = match call {
-            Call::Sendto => (a[4], low(a[5])),
+            Syscall::Sendto => (a[4], low(a[5])),
             // Of several messages, the first.
-            Call::Sendmsg | Call::Sendmmsg if a[1] != 0 => {
+            Syscall::Sendmsg | Syscall::Sendmmsg if a[1] != 0 => {
                 (memory.read_u64(a[1])?, memory.read_u32(a[1] + 8)?)
             }
             _ => return Ok(()),

@@ -7,7 +7,7 @@ use crate::traced::outside::{self, Outside};
 use crate::traced::syscall::Halt;
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::{State, Thread};
-use crate::traced::wait::Hold;
+use crate::traced::wait::Block;
 use crate::{Reason, Step};
 
 /// The longest step of time while a thread waits for the world outside.
@@ -16,14 +16,14 @@ const PACE: u64 = 10_000_000;
 impl Tracer<'_> {
     /// No thread can run: time goes on. `false` when the run is over.
     pub(crate) fn let_time_pass(&mut self) -> Result<bool, Halt> {
-        let holds = self.tree.threads.values().filter_map(Thread::hold);
-        let deadline = holds.filter_map(Hold::ends).min();
+        let blocks = self.tree.threads.values().filter_map(Thread::block);
+        let deadline = blocks.filter_map(Block::ends).min();
         let mut until = [deadline, self.timers.next(), self.limits.killed_at]
             .into_iter()
             .flatten()
             .min();
         let outside = self.outside_waits();
-        if !outside.is_empty() || self.is_anybody_blocked() {
+        if !outside.is_empty() || self.is_any_in_kernel() {
             let most = until.unwrap_or(u64::MAX).min(self.now + PACE);
             match self.wait_outside(&outside, most)? {
                 Some(to) => until = Some(to),
@@ -58,9 +58,9 @@ impl Tracer<'_> {
         Ok(true)
     }
 
-    fn is_anybody_blocked(&self) -> bool {
+    fn is_any_in_kernel(&self) -> bool {
         let mut threads = self.tree.threads.values();
-        threads.any(|thread| matches!(thread.state, State::Blocked))
+        threads.any(|thread| matches!(thread.state, State::InKernel))
     }
 
     /// Waits for the world outside, no longer in real time than simulated time may go on; until when
@@ -72,7 +72,7 @@ impl Tracer<'_> {
         let (begun, from) = *self.limits.paced.get_or_insert((Instant::now(), self.now));
         let span = Duration::from_nanos(most.saturating_sub(from));
         // A thread in the kernel comes back without notice.
-        let slice = if self.is_anybody_blocked() {
+        let slice = if self.is_any_in_kernel() {
             Duration::from_millis(1)
         } else {
             span

@@ -1,9 +1,9 @@
-//! Calls that wait for one of several descriptors. All but those on an epoll are answered, since the
+//! Syscalls that wait for one of several descriptors. All but those on an epoll are answered, since the
 //! kernel has none of the bytes of a port.
 
 use rustix::event::PollFlags;
 
-use crate::traced::arch::Call;
+use crate::traced::arch::Syscall;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
@@ -11,7 +11,7 @@ use crate::traced::syscall::{Entry, Halt, Handling, counted, int, low};
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::{PollResult, Wait};
 
-/// Most descriptors in one call; beyond that the system decides.
+/// Most descriptors in one syscall; beyond that the system decides.
 const MOST: usize = 4096;
 
 /// What `select` polls for the members of its three sets, and what of that makes one a member of the
@@ -47,13 +47,13 @@ impl Tracer<'_> {
             _ => memory.read_u64(address).map(Some),
         };
         match call {
-            Call::Poll => self.poll(entry, (millis(a[2]), None)),
-            Call::Ppoll => {
+            Syscall::Poll => self.poll(entry, (millis(a[2]), None)),
+            Syscall::Ppoll => {
                 let deadline = at(a[2], span)?.ok_or(Halt::Make)?;
                 self.poll(entry, (deadline, mask(a[3])?))
             }
-            Call::Select | Call::Pselect => {
-                let is_select = call == Call::Select;
+            Syscall::Select | Syscall::Pselect => {
+                let is_select = call == Syscall::Select;
                 let read = if is_select { span_micros } else { span };
                 let deadline = at(a[4], read)?.ok_or(Halt::Make)?;
                 // The set of signals lies behind another address.
@@ -65,14 +65,14 @@ impl Tracer<'_> {
             }
             _ => {
                 let deadline = match call {
-                    Call::EpollPwait2 => match at(a[3], span)? {
+                    Syscall::EpollPwait2 => match at(a[3], span)? {
                         Some(deadline) => deadline,
                         None => return Ok(Handling::Make),
                     },
                     _ => millis(a[3]),
                 };
                 let mask = match call {
-                    Call::EpollWait => None,
+                    Syscall::EpollWait => None,
                     _ => mask(a[4])?,
                 };
                 let set = vec![(int(a[0]), PollFlags::IN)];
@@ -139,8 +139,8 @@ impl Tracer<'_> {
         for port in &mut *self.ports {
             port.top_up()?;
         }
-        let only_asks = deadline.is_some_and(|deadline| deadline <= self.now);
-        let backs_off = only_asks.then(|| self.ask(entry));
+        let only_queries = deadline.is_some_and(|deadline| deadline <= self.now);
+        let backs_off = only_queries.then(|| self.query(entry));
         let found = self.readiness(entry.tid, &set);
         // A poll that does not wait, and is not one of too many, is answered with what there is.
         if matches!(backs_off, Some(None)) || !found.iter().all(PollFlags::is_empty) {
@@ -150,7 +150,7 @@ impl Tracer<'_> {
         if let Some(Some(backs_off)) = backs_off {
             return Ok(backs_off);
         }
-        Ok(Handling::Hold(Wait::Poll { set, result, mask }, deadline))
+        Ok(Handling::Block(Wait::Poll { set, result, mask }, deadline))
     }
 
     /// Writes what a poll has found; what it returns, or `None` if that is the kernel's.

@@ -1,6 +1,6 @@
-//! Calls about other processes: signals and ends.
+//! Syscalls about other processes: signals and ends.
 
-use crate::traced::arch::Call;
+use crate::traced::arch::Syscall;
 use crate::traced::clock::span;
 use crate::traced::memory::Memory;
 use crate::traced::proc::kernel_state;
@@ -15,8 +15,8 @@ impl Tracer<'_> {
         let a = entry.a;
         let memory = Memory(entry.tid);
         let (set, mask, deadline) = match entry.call {
-            Call::Pause => (None, None, None),
-            Call::Sigsuspend => (None, Some(memory.read_u64(a[0])?), None),
+            Syscall::Pause => (None, None, None),
+            Syscall::Sigsuspend => (None, Some(memory.read_u64(a[0])?), None),
             _ => {
                 let deadline = match a[2] {
                     0 => None,
@@ -29,17 +29,17 @@ impl Tracer<'_> {
             }
         };
         if deadline.is_some_and(|deadline| deadline <= self.now) {
-            return Ok(self.ask(entry).unwrap_or(Handling::Make));
+            return Ok(self.query(entry).unwrap_or(Handling::Make));
         }
         // One may wait already.
         self.schedule.signalled = true;
-        Ok(Handling::Hold(Wait::Signal { set, mask }, deadline))
+        Ok(Handling::Block(Wait::Signal { set, mask }, deadline))
     }
 
-    /// After a signal has been sent, those that wait are looked at.
+    /// After a signal has been sent, those that wait are polled.
     pub(crate) fn kill_call(entry: Entry) -> Handling {
         let signal = match entry.call {
-            Call::Tgkill => entry.a[2],
+            Syscall::Tgkill => entry.a[2],
             _ => entry.a[1],
         };
         let signal = int(signal);
@@ -52,7 +52,7 @@ impl Tracer<'_> {
         for thread in &self.tree.threads {
             let (tid, Thread { process, state, .. }) = thread;
             let is_stopped = || matches!(kernel_state(*process, *tid), Some('t' | 'T'));
-            if !matches!(state, State::Running | State::Blocked)
+            if !matches!(state, State::Running | State::InKernel)
                 && !is_stopped()
                 && let Some(process) = self.tree.processes.get_mut(process)
             {
@@ -68,7 +68,7 @@ impl Tracer<'_> {
         } else if tid == process {
             // The end of the first thread of a process is reported only when the others have ended as well.
             self.tree.threads.remove(&tid);
-            if sys::go_on(tid, 0).is_ok() {
+            if sys::resume(tid, 0).is_ok() {
                 while !matches!(kernel_state(process, tid), Some('Z' | 'X') | None) {
                     std::thread::yield_now();
                 }

@@ -1,5 +1,5 @@
 //! The processor of a run: the tracer and its program never run at the same time and wake each
-//! other up at each call, which takes several times as long from one processor to another.
+//! other up at each syscall, which takes several times as long from one processor to another.
 
 use rustix::process::Pid;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};

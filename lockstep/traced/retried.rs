@@ -1,6 +1,6 @@
-//! Calls that are made without waiting, and again when something has happened: children, locks, queues.
+//! Syscalls that are made without waiting, and again when something has happened: children, locks, queues.
 
-use crate::traced::arch::{Call, Registers};
+use crate::traced::arch::{Registers, Syscall};
 use crate::traced::clock::span;
 use crate::traced::memory::Memory;
 use crate::traced::syscall::{Entry, Halt, Handling};
@@ -10,11 +10,11 @@ use crate::traced::tree::{AtEnd, Retried};
 impl Tracer<'_> {
     /// A wait for a child is made without waiting, and again when something has happened.
     pub(crate) fn child_call(&mut self, entry: Entry) -> Handling {
-        let index = if entry.call == Call::Wait4 { 2 } else { 3 };
+        let index = if entry.call == Syscall::Wait4 { 2 } else { 3 };
         let options = entry.a[index];
         let at_once = u64::from(libc::WNOHANG.unsigned_abs());
         if options & at_once != 0 {
-            return self.ask(entry).unwrap_or(Handling::Make);
+            return self.query(entry).unwrap_or(Handling::Make);
         }
         let mut tried = entry.registers;
         tried.set_argument(index, options | at_once);
@@ -30,14 +30,14 @@ impl Tracer<'_> {
         let mut deadline = None;
         let mut would_wait: &'static [i32] = &[libc::EAGAIN];
         match call {
-            Call::Flock => tried.set_argument(1, a[1] | u64::from(libc::LOCK_NB.unsigned_abs())),
-            Call::Fcntl => {
+            Syscall::Flock => tried.set_argument(1, a[1] | u64::from(libc::LOCK_NB.unsigned_abs())),
+            Syscall::Fcntl => {
                 // The commands that do not wait come before those that do.
                 tried.set_argument(1, a[1] - 1);
                 would_wait = &[libc::EAGAIN, libc::EACCES];
             }
-            Call::Msgsnd => tried.set_argument(3, a[3] | no_wait),
-            Call::Msgrcv => {
+            Syscall::Msgsnd => tried.set_argument(3, a[3] | no_wait),
+            Syscall::Msgrcv => {
                 tried.set_argument(4, a[4] | no_wait);
                 would_wait = &[libc::ENOMSG];
             }
@@ -59,18 +59,18 @@ impl Tracer<'_> {
                 }
                 Memory(tid).write(a[1], &bytes)?;
                 restore = Some((a[1], before));
-                if call == Call::Semtimedop && a[3] != 0 {
+                if call == Syscall::Semtimedop && a[3] != 0 {
                     deadline = span(Memory(tid).read_pair(a[3])?)
                         .map(|time| self.now.saturating_add(time));
                 }
             }
         }
         let asked_not_to_wait = match call {
-            Call::Flock => a[1] & u64::from(libc::LOCK_NB.unsigned_abs()) != 0,
-            Call::Msgsnd => a[3] & no_wait != 0,
-            Call::Msgrcv => a[4] & no_wait != 0,
+            Syscall::Flock => a[1] & u64::from(libc::LOCK_NB.unsigned_abs()) != 0,
+            Syscall::Msgsnd => a[3] & no_wait != 0,
+            Syscall::Msgrcv => a[4] & no_wait != 0,
             // One of them that must not wait is enough.
-            Call::Semop | Call::Semtimedop => restore
+            Syscall::Semop | Syscall::Semtimedop => restore
                 .as_ref()
                 .is_some_and(|(_, before)| before.chunks(6).any(|one| one[5] & 0x08 != 0)),
             _ => false,
@@ -87,7 +87,7 @@ impl Tracer<'_> {
         self.try_call(entry, tried, end)
     }
 
-    /// Makes a call with these registers, by which it does not wait, and again when something has happened.
+    /// Makes a syscall with these registers, by which it does not wait, and again when something has happened.
     pub(crate) fn try_call(
         &mut self,
         entry: Entry,

@@ -56,18 +56,18 @@ impl Tracer<'_> {
     /// Interrupts waits of threads that a signal has been sent to.
     pub(crate) fn interrupt_waits(&mut self) -> Result<(), Halt> {
         let mut served = BTreeSet::new();
-        for tid in self.tree.all(|thread| thread.hold().is_some()) {
+        for tid in self.tree.all(|thread| thread.block().is_some()) {
             let Some(thread) = self.tree.threads.get(&tid) else {
                 continue;
             };
-            let Some(hold) = thread.hold() else {
+            let Some(block) = thread.block() else {
                 continue;
             };
             let process = thread.process;
             let Some(signals) = Signals::of(process, tid) else {
                 continue;
             };
-            let (set, mask) = match &hold.wait {
+            let (set, mask) = match &block.wait {
                 Wait::Signal { set, mask } => (*set, *mask),
                 Wait::Poll { mask, .. } => (None, *mask),
                 Wait::Vfork { .. } => continue,
@@ -89,14 +89,15 @@ impl Tracer<'_> {
         let Some(thread) = self.tree.threads.get_mut(&tid) else {
             return Ok(());
         };
-        let State::Held(hold) = std::mem::replace(&mut thread.state, State::Ready(Resume::Go(0)))
+        let State::Blocked(block) =
+            std::mem::replace(&mut thread.state, State::Ready(Resume::Go(0)))
         else {
             return Ok(());
         };
-        let mut registers = hold.registers;
-        match hold.wait {
+        let mut registers = block.registers;
+        match block.wait {
             Wait::Sleep { rest } => {
-                let left = hold.deadline.unwrap_or(now).saturating_sub(now);
+                let left = block.deadline.unwrap_or(now).saturating_sub(now);
                 if let Some(address) = rest {
                     let (seconds, nanoseconds) = crate::traced::clock::parts(left);
                     // A wrong address is the program's.
@@ -116,7 +117,7 @@ impl Tracer<'_> {
             }
             Wait::BackOff(resume) => thread.state = State::Ready(resume),
             Wait::Child | Wait::Again { .. } => {
-                // At the end of the call; the system makes it again or not, as the signal has it.
+                // At the end of the syscall; the system makes it again or not, as the signal has it.
                 const ERESTARTSYS: i64 = 512;
                 registers.set_result(-ERESTARTSYS);
                 registers.set(tid)?;

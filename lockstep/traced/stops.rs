@@ -65,7 +65,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Looks at the real clock; whether the wait for the thread that runs is over.
+    /// Reads the real clock; returns whether the wait for the thread that runs is over.
     fn tick(&mut self) -> bool {
         if self.is_over_time() {
             self.kill_all();
@@ -89,7 +89,7 @@ impl Tracer<'_> {
         }
         let what = self.what_kernel_waits_for(thread.process, tid);
         self.report.outside.insert(what);
-        self.tree.set_state(tid, State::Blocked);
+        self.tree.set_state(tid, State::InKernel);
         true
     }
 
@@ -126,7 +126,7 @@ impl Tracer<'_> {
         match status >> 16 {
             libc::PTRACE_EVENT_SECCOMP => {
                 self.tree
-                    .set_state(tid, State::Ready(Resume::Call { crept: false }));
+                    .set_state(tid, State::Ready(Resume::Syscall { backed_off: false }));
             }
             libc::PTRACE_EVENT_EXEC => self.executed(tid)?,
             event @ (libc::PTRACE_EVENT_FORK
@@ -140,7 +140,7 @@ impl Tracer<'_> {
                 self.schedule.interrupted = None;
                 self.preempt(tid)?;
             }
-            0 if signal == libc::SIGTRAP | 0x80 => self.end_of_call(tid)?,
+            0 if signal == libc::SIGTRAP | 0x80 => self.syscall_exit(tid)?,
             0 => self.signal(tid, signal)?,
             _ => self.tree.set_state(tid, State::Ready(Resume::Go(0))),
         }
@@ -191,7 +191,7 @@ impl Tracer<'_> {
             self.tree.add_thread(child, child, ready);
         }
         if event == libc::PTRACE_EVENT_VFORK {
-            self.hold(tid, registers, Wait::Vfork { child }, None);
+            self.block(tid, registers, Wait::Vfork { child }, None);
         } else {
             self.tree.set_state(tid, State::Ready(Resume::Go(0)));
         }
@@ -201,8 +201,8 @@ impl Tracer<'_> {
     /// A process has a memory of its own now, or has ended: the thread that waits for that goes on.
     pub(crate) fn release_parent(&mut self, pid: Tid) {
         for thread in self.tree.threads.values_mut() {
-            if let Some(hold) = thread.hold()
-                && matches!(hold.wait, Wait::Vfork { child } if child == pid)
+            if let Some(block) = thread.block()
+                && matches!(block.wait, Wait::Vfork { child } if child == pid)
             {
                 thread.state = State::Ready(Resume::Go(0));
             }

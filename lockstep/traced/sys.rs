@@ -1,4 +1,4 @@
-//! The system calls that no library wraps as they are needed here.
+//! The syscalls that no library wraps as they are needed here.
 //!
 //! `nix` has most of them, but its `waitpid` loses stops for real-time signals, which every
 //! `pthread_cancel` and every POSIX timer of glibc sends.
@@ -57,12 +57,12 @@ fn with_signal(what: Request, tid: Tid, signal: i32) -> io::Result<()> {
 }
 
 /// Resumes a stopped thread, with a signal if that is not 0.
-pub(crate) fn go_on(tid: Tid, signal: i32) -> io::Result<()> {
+pub(crate) fn resume(tid: Tid, signal: i32) -> io::Result<()> {
     with_signal(libc::PTRACE_CONT, tid, signal)
 }
 
-/// The same to the end of its call, or to the beginning of the next.
-pub(crate) fn go_on_to_end_of_call(tid: Tid, signal: i32) -> io::Result<()> {
+/// The same to the end of its syscall, or to the beginning of the next.
+pub(crate) fn resume_to_syscall_exit(tid: Tid, signal: i32) -> io::Result<()> {
     with_signal(libc::PTRACE_SYSCALL, tid, signal)
 }
 
@@ -230,7 +230,7 @@ pub(crate) fn set_blocked(tid: Tid, mask: u64) -> io::Result<u64> {
     const LENGTH: usize = size_of::<u64>();
     let mut before = 0_u64;
     // SAFETY: the requests write and read as many bytes as they are given, of a number that outlives
-    // the call.
+    // the syscall.
     unsafe {
         let to = ptr::from_mut(&mut before);
         check(libc::ptrace(libc::PTRACE_GETSIGMASK as _, tid, LENGTH, to))?;
@@ -245,10 +245,10 @@ pub(crate) fn set_blocked(tid: Tid, mask: u64) -> io::Result<u64> {
     Ok(before)
 }
 
-/// Interval at which a wait for a thread is interrupted to look at the real clock.
+/// Interval at which a wait for a thread is interrupted to read the real clock.
 pub(crate) const TICK: Duration = Duration::from_millis(20);
 
-/// Interrupts waits of this thread again and again, so that it can look at the clock; until it is
+/// Interrupts waits of this thread again and again, so that it can read the clock; until it is
 /// dropped.
 pub(crate) struct Ticks(libc::timer_t);
 
@@ -304,7 +304,7 @@ impl Drop for Ticks {
     }
 }
 
-/// Asks the system for what [`seize`] leaves open: the name of a call that it refuses, if there is one.
+/// Asks the system for what [`seize`] leaves open: the name of a syscall that it refuses, if there is one.
 pub(crate) fn refused() -> Option<(&'static str, io::Error)> {
     const GET_ACTION_AVAIL: libc::c_uint = 2;
     let action = libc::SECCOMP_RET_TRACE;

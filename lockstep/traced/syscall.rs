@@ -4,22 +4,22 @@ use std::io;
 
 use syscalls::Sysno;
 
-use crate::traced::arch::{Call, Registers};
+use crate::traced::arch::{Registers, Syscall};
 use crate::traced::sys::Tid;
 use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
 use crate::{Broken, Error};
 
-/// A thread at the beginning of a call.
+/// A thread at a syscall-entry stop.
 #[derive(Clone, Copy)]
 pub(crate) struct Entry {
     pub(crate) tid: Tid,
     pub(crate) process: Tid,
-    pub(crate) call: Call,
+    pub(crate) call: Syscall,
     pub(crate) registers: Registers,
     pub(crate) a: [u64; 6],
-    /// It has paid for its asking.
-    pub(crate) crept: bool,
+    /// It has backed off.
+    pub(crate) backed_off: bool,
 }
 
 /// Ends the run early.
@@ -54,7 +54,7 @@ impl From<Broken> for Halt {
     }
 }
 
-/// Handling of a call.
+/// Handling of a syscall.
 #[expect(
     clippy::large_enum_variant,
     reason = "it is looked at once, where it is made"
@@ -66,8 +66,8 @@ pub(crate) enum Handling {
     /// It is not made, and returns this.
     Answer(i64),
     /// It waits until then at most.
-    Hold(Wait, Option<u64>),
-    /// It is made, with these registers, and its end is looked at.
+    Block(Wait, Option<u64>),
+    /// It is made, with these registers, up to its exit stop.
     ToEnd(Registers, AtEnd),
 }
 
@@ -91,7 +91,7 @@ pub(crate) fn failure(errno: i32) -> Handling {
     Handling::Answer(-i64::from(errno))
 }
 
-/// The result of a call that tells how many.
+/// The result of a syscall that tells how many.
 pub(crate) fn counted(number: usize) -> i64 {
     i64::try_from(number).unwrap_or(i64::MAX)
 }

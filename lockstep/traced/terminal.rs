@@ -1,4 +1,4 @@
-//! Calls on ports: reads, writes, and requests.
+//! Syscalls on ports: reads, writes, and requests.
 
 use crate::modem;
 use crate::port::Port;
@@ -10,7 +10,7 @@ use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::Wait;
 
-/// Most bytes of one write that are taken; the call then says that it was so many.
+/// Most bytes of one write that are taken; the syscall then says that it was so many.
 const MOST_WRITTEN: usize = 1 << 20;
 
 impl Tracer<'_> {
@@ -30,7 +30,7 @@ impl Tracer<'_> {
         let at_once = rule.never_waits() || !is_there && descriptor.is_nonblocking();
         if unread == 0
             && at_once
-            && let Some(backs_off) = self.ask(entry)
+            && let Some(backs_off) = self.query(entry)
         {
             return Ok(backs_off);
         }
@@ -48,7 +48,7 @@ impl Tracer<'_> {
             rule,
             into,
         };
-        Ok(Handling::Hold(wait, deadline))
+        Ok(Handling::Block(wait, deadline))
     }
 
     /// Hands a client what it can read of a port; what its read returns.
@@ -86,7 +86,7 @@ impl Tracer<'_> {
         let sent = self.send(index, &bytes)?;
         if sent == bytes.len() {
             if let Some(thread) = self.tree.threads.get_mut(&entry.tid) {
-                thread.asks = 0;
+                thread.queries = 0;
             }
             return Ok(Handling::Answer(counted(count)));
         }
@@ -94,7 +94,7 @@ impl Tracer<'_> {
             if sent > 0 {
                 return Ok(Handling::Answer(counted(sent.min(count))));
             }
-            return Ok(self.ask(entry).unwrap_or(failure(libc::EAGAIN)));
+            return Ok(self.query(entry).unwrap_or(failure(libc::EAGAIN)));
         }
         let wait = Wait::PortWrite {
             port: index,
@@ -103,7 +103,7 @@ impl Tracer<'_> {
             sent,
             count,
         };
-        Ok(Handling::Hold(wait, None))
+        Ok(Handling::Block(wait, None))
     }
 
     /// Hands bytes to the world; how many it took.
@@ -140,7 +140,7 @@ impl Tracer<'_> {
         Ok(Handling::Make)
     }
 
-    /// A request to a port, or one that only asks.
+    /// A request to a port, or one that only queries.
     pub(crate) fn request(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let [fd, request, argument, ..] = entry.a;
         let request = (request & 0xFFFF_FFFF) as libc::Ioctl;
@@ -148,9 +148,9 @@ impl Tracer<'_> {
         let port = self
             .descriptor(entry.process, int(fd))
             .and_then(|descriptor| self.port_of(&descriptor));
-        self.look_at_ports()?;
+        self.poll_ports()?;
         if request == libc::FIONREAD
-            && let Some(backs_off) = self.ask(entry)
+            && let Some(backs_off) = self.query(entry)
         {
             return Ok(backs_off);
         }
@@ -198,7 +198,7 @@ impl Tracer<'_> {
                     self.world.modem_lines(index, self.now, lines)?;
                 }
             }
-            libc::TIOCMIWAIT => return Ok(Handling::Hold(Wait::Forever, None)),
+            libc::TIOCMIWAIT => return Ok(Handling::Block(Wait::Forever, None)),
             // Counters of changes and errors: none.
             libc::TIOCGICOUNT => memory.write(argument, &[0; 80])?,
             libc::TIOCGSERIAL => {
@@ -217,7 +217,7 @@ impl Tracer<'_> {
     }
 
     /// Reports to the world which ports have been opened and closed, if any may have been.
-    pub(crate) fn look_at_ports(&mut self) -> Result<(), Halt> {
+    pub(crate) fn poll_ports(&mut self) -> Result<(), Halt> {
         if !self.descriptors.ports_used.take() || !Port::any_changes(self.ports) {
             return Ok(());
         }
@@ -250,7 +250,7 @@ impl Tracer<'_> {
     /// another thread of this program starts has our duplicates until it has become another program.
     pub(crate) fn close_ports(&mut self) -> Result<(), Halt> {
         self.descriptors.ports_used.set(true);
-        self.look_at_ports()?;
+        self.poll_ports()?;
         for index in 0..self.ports.len() {
             self.ports[index].opened = self.ports[index].opened.min(1);
             self.port_closed(index)?;

@@ -1,4 +1,4 @@
-//! Calls on timers, and what is done when one runs out: alarms, POSIX timers, timer descriptors.
+//! Syscalls on timers, and what is done when one runs out: alarms, POSIX timers, timer descriptors.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -97,7 +97,7 @@ impl Tracer<'_> {
         Ok(Handling::ToEnd(entry.registers, at_end))
     }
 
-    /// It has been made, by a call whose registers these are.
+    /// It has been made, by a syscall whose registers these are.
     pub(crate) fn timer_created(
         &mut self,
         tid: Tid,
@@ -325,7 +325,7 @@ impl Tracer<'_> {
     }
 }
 
-/// The POSIX timer of a process that a call is about.
+/// The POSIX timer of a process that a syscall is about.
 fn is_posix(entry: Entry) -> impl Fn(&Timer) -> bool {
     let wanted = int(entry.a[0]);
     move |timer| {

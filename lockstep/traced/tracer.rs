@@ -41,7 +41,7 @@ pub(crate) struct Tracer<'a> {
 pub(crate) struct Descriptors {
     /// Sockets that have sent to other machines, by device and inode.
     pub(crate) outside_sockets: BTreeSet<(u64, u64)>,
-    /// A port may have been opened or closed since the ports were looked at.
+    /// A port may have been opened or closed since that was last found out.
     pub(crate) ports_used: Cell<bool>,
     /// Way in which programs pass descriptors, where the system refuses to duplicate them.
     pub(crate) passage: Option<Rc<Passage>>,
@@ -217,13 +217,13 @@ impl<'a> Tracer<'a> {
             return Ok(false);
         }
         self.descriptors.ports_used.set(true);
-        self.look_at_ports()?;
+        self.poll_ports()?;
         for port in &mut *self.ports {
             port.top_up()?;
             self.schedule.signalled |= std::mem::take(&mut port.has_signalled);
         }
         self.send_echoes()?;
-        if self.schedule.signalled || self.look_at_waits()? {
+        if self.schedule.signalled || self.poll_waits()? {
             return Ok(true);
         }
         self.let_time_pass()

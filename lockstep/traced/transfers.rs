@@ -3,7 +3,7 @@
 use rustix::event::PollFlags;
 use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 
-use crate::traced::arch::Call;
+use crate::traced::arch::Syscall;
 use crate::traced::clock::{nanoseconds, span};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::{Memory, whole_length};
@@ -13,7 +13,7 @@ use crate::traced::tracer::Tracer;
 use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
 
-/// Most random bytes of one call; the program asks for the rest again.
+/// Most random bytes of one syscall; the program asks for the rest again.
 const MOST_RANDOM: usize = 1 << 16;
 
 impl Tracer<'_> {
@@ -21,28 +21,28 @@ impl Tracer<'_> {
         let a = entry.a;
         // Without a place it is a read like others.
         entry.call = match (entry.call, a[3]) {
-            (Call::Preadv2, u64::MAX) => Call::Readv,
-            (Call::Preadv2, _) => Call::Preadv,
-            (Call::Pwritev2, u64::MAX) => Call::Writev,
+            (Syscall::Preadv2, u64::MAX) => Syscall::Readv,
+            (Syscall::Preadv2, _) => Syscall::Preadv,
+            (Syscall::Pwritev2, u64::MAX) => Syscall::Writev,
             // No port has places.
-            (Call::Pwritev2, _) => return Ok(Handling::Make),
+            (Syscall::Pwritev2, _) => return Ok(Handling::Make),
             (call, _) => call,
         };
         let (tid, process, call) = (entry.tid, entry.process, entry.call);
         // The end that a port may be at.
         let fd = match call {
-            Call::Splice => int(a[2]),
+            Syscall::Splice => int(a[2]),
             _ => int(a[0]),
         };
         let from = match call {
-            Call::Splice => Some(int(a[0])),
-            Call::Sendfile => Some(int(a[1])),
+            Syscall::Splice => Some(int(a[0])),
+            Syscall::Sendfile => Some(int(a[1])),
             _ => None,
         };
         self.pass(tid, from.into_iter().chain([fd]))?;
         let descriptor = self.descriptor(process, fd).ok_or(Halt::Make)?;
         // Before anything is done with a port, the world knows which clients have it open.
-        self.look_at_ports()?;
+        self.poll_ports()?;
         if let Some(index) = self.port_of(&descriptor) {
             return match self.port_transfer(entry, index, &descriptor) {
                 // The kernel has none of a port's bytes.
@@ -56,10 +56,10 @@ impl Tracer<'_> {
             return Ok(action);
         }
         // Whatever waits has no places, and says so at once.
-        if matches!(call, Call::Pread | Call::Preadv) {
+        if matches!(call, Syscall::Pread | Syscall::Preadv) {
             return Ok(Handling::Make);
         }
-        if call == Call::Read
+        if call == Syscall::Read
             && descriptor.is_anonymous()
             && a[2] >= 8
             && let Some(action) = self.read_timer(tid, &descriptor, a[1])?
@@ -70,7 +70,7 @@ impl Tracer<'_> {
             return Ok(Handling::Make);
         }
         let action = self.may_wait(entry, fd, &descriptor)?;
-        if call == Call::Recvmmsg && matches!(action, Handling::Make) {
+        if call == Syscall::Recvmmsg && matches!(action, Handling::Make) {
             // It would wait for the others of the messages that it has room for.
             let mut changed = entry.registers;
             let first_only = u64::from(libc::MSG_WAITFORONE.unsigned_abs());
@@ -96,10 +96,10 @@ impl Tracer<'_> {
             return Ok(Some(failure(libc::EINVAL)));
         }
         let (is_one_part, place) = match call {
-            Call::Read => (true, None),
-            Call::Pread => (true, Some(a[3])),
-            Call::Readv => (false, None),
-            Call::Preadv => (false, Some(a[3])),
+            Syscall::Read => (true, None),
+            Syscall::Pread => (true, Some(a[3])),
+            Syscall::Readv => (false, None),
+            Syscall::Preadv => (false, Some(a[3])),
             _ => return Ok(None),
         };
         let is_random = descriptor.is_random();
@@ -125,14 +125,14 @@ impl Tracer<'_> {
     ) -> Result<Handling, Halt> {
         let a = entry.a;
         let parts = match entry.call {
-            Call::Read | Call::Write => vec![(a[1], a[2])],
-            Call::Readv | Call::Writev => Memory(entry.tid).read_parts(a[1], a[2])?,
+            Syscall::Read | Syscall::Write => vec![(a[1], a[2])],
+            Syscall::Readv | Syscall::Writev => Memory(entry.tid).read_parts(a[1], a[2])?,
             // Programs fall back to reading and writing.
-            Call::Splice | Call::Sendfile => return Ok(failure(libc::EINVAL)),
+            Syscall::Splice | Syscall::Sendfile => return Ok(failure(libc::EINVAL)),
             _ => return Ok(Handling::Make),
         };
         match entry.call {
-            Call::Write | Call::Writev => self.write_port(entry, index, descriptor, &parts),
+            Syscall::Write | Syscall::Writev => self.write_port(entry, index, descriptor, &parts),
             _ => self.read_port(entry, index, descriptor, parts),
         }
     }
@@ -161,15 +161,15 @@ impl Tracer<'_> {
     ) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
         let (flags, room) = match call {
-            Call::Write => (PollFlags::OUT, usize::try_from(a[2]).unwrap_or(usize::MAX)),
-            Call::Writev
-            | Call::Sendto
-            | Call::Sendmsg
-            | Call::Sendmmsg
-            | Call::Splice
-            | Call::Sendfile
-            | Call::MqTimedsend => (PollFlags::OUT, 1),
-            Call::Vmsplice if descriptor.is_for_writing() => (PollFlags::OUT, 1),
+            Syscall::Write => (PollFlags::OUT, usize::try_from(a[2]).unwrap_or(usize::MAX)),
+            Syscall::Writev
+            | Syscall::Sendto
+            | Syscall::Sendmsg
+            | Syscall::Sendmmsg
+            | Syscall::Splice
+            | Syscall::Sendfile
+            | Syscall::MqTimedsend => (PollFlags::OUT, 1),
+            Syscall::Vmsplice if descriptor.is_for_writing() => (PollFlags::OUT, 1),
             _ => (PollFlags::IN, 0),
         };
         if flags == PollFlags::OUT && descriptor.is_socket() {
@@ -184,15 +184,15 @@ impl Tracer<'_> {
             return Ok(Handling::Make);
         }
         let message_flags = match call {
-            Call::Recvfrom | Call::Sendto | Call::Recvmmsg | Call::Sendmmsg => a[3],
-            Call::Recvmsg | Call::Sendmsg => a[2],
+            Syscall::Recvfrom | Syscall::Sendto | Syscall::Recvmmsg | Syscall::Sendmmsg => a[3],
+            Syscall::Recvmsg | Syscall::Sendmsg => a[2],
             _ => 0,
         };
         let at_once = message_flags & u64::from(libc::MSG_DONTWAIT.unsigned_abs()) != 0
-            || matches!(call, Call::Tee | Call::Vmsplice)
+            || matches!(call, Syscall::Tee | Syscall::Vmsplice)
                 && a[3] & u64::from(libc::SPLICE_F_NONBLOCK) != 0;
         if at_once || descriptor.is_nonblocking() {
-            return Ok(self.ask(entry).unwrap_or(Handling::Make));
+            return Ok(self.query(entry).unwrap_or(Handling::Make));
         }
         let (mut late, mut deadline) = (-i64::from(libc::EAGAIN), None);
         if is_queue(call) && a[4] != 0 {
@@ -213,13 +213,13 @@ impl Tracer<'_> {
             room,
             late,
             // Perhaps a timer, which counts how often it has run out; or several messages.
-            has_more: descriptor.is_anonymous() || call == Call::Recvmmsg,
+            has_more: descriptor.is_anonymous() || call == Syscall::Recvmmsg,
         };
-        Ok(Handling::Hold(wait, deadline))
+        Ok(Handling::Block(wait, deadline))
     }
 }
 
 /// A message queue is a file, too, and one that waits.
-fn is_queue(call: Call) -> bool {
-    matches!(call, Call::MqTimedsend | Call::MqTimedreceive)
+fn is_queue(call: Syscall) -> bool {
+    matches!(call, Syscall::MqTimedsend | Syscall::MqTimedreceive)
 }

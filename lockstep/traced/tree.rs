@@ -11,7 +11,7 @@ use rustix::process::{Pid, PidfdFlags};
 use crate::traced::arch::{Registers, Shared, Vdso};
 use crate::traced::descriptor::Files;
 use crate::traced::sys::{self, Tid};
-use crate::traced::wait::{Hold, Resume};
+use crate::traced::wait::{Block, Resume};
 
 pub(crate) struct Process {
     /// Memory that it has: a child of `vfork` has its parent's.
@@ -45,12 +45,12 @@ pub(crate) struct OwnClocks {
     pub(crate) shown: Option<Shown>,
 }
 
-/// Time that such clocks show, and number of times that they may be read without a call.
+/// Time that such clocks show, and number of times that they may be read without a syscall.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Shown {
     pub(crate) real: u64,
     pub(crate) monotonic: u64,
-    pub(crate) asks: u32,
+    pub(crate) queries: u32,
 }
 
 pub(crate) struct Thread {
@@ -60,15 +60,15 @@ pub(crate) struct Thread {
     pub(crate) state: State,
     /// Turn: who gives way is behind the others.
     pub(crate) turn: u64,
-    /// Calls in a row that only asked, and waited for nothing.
-    pub(crate) asks: u32,
+    /// Queries in a row, without a wait.
+    pub(crate) queries: u32,
     /// It has been interrupted because it computed for long.
     pub(crate) preempted: bool,
-    /// It makes a call again that may have to wait on; that alone changes nothing for others.
+    /// It makes a syscall again that may have to wait on; that alone changes nothing for others.
     pub(crate) retries: bool,
-    /// The deadline of a wait that is a call made again.
+    /// The deadline of a wait that is a syscall made again.
     pub(crate) again_until: Option<u64>,
-    /// Thing to look at when the call that it is in comes to its end.
+    /// Thing to do at the exit stop of its syscall.
     pub(crate) at_end: Option<AtEnd>,
 }
 
@@ -76,20 +76,20 @@ pub(crate) enum State {
     Running,
     /// It is stopped, and goes on when it is its turn.
     Ready(Resume),
-    Held(Box<Hold>),
+    Blocked(Box<Block>),
     /// Job control has stopped it.
     Stopped,
     /// It waits in the kernel for something that is not known, outside of what is simulated.
-    Blocked,
+    InKernel,
 }
 
-/// Thing to do at the end of a call.
+/// Thing to do at a syscall-exit stop.
 pub(crate) enum AtEnd {
     /// A wait for a child, made without waiting; as its registers were.
     Child(Registers),
-    /// Some other call, made without waiting; as its registers were.
+    /// Some other syscall, made without waiting; as its registers were.
     Again(Registers, Retried),
-    /// An argument has been changed for the call alone; as its registers were.
+    /// An argument has been changed for the syscall alone; as its registers were.
     Restore(Registers),
     /// A new program has been loaded, whose clocks have to have a page.
     Loaded(Vdso),
@@ -107,7 +107,7 @@ pub(crate) enum AtEnd {
     },
 }
 
-/// A call that was made without waiting.
+/// A syscall that was made without waiting.
 pub(crate) struct Retried {
     /// Errors by which it says that it would have to wait.
     pub(crate) would_wait: &'static [i32],
@@ -134,7 +134,7 @@ impl Thread {
             process,
             state,
             turn: 0,
-            asks: 0,
+            queries: 0,
             preempted: false,
             retries: false,
             again_until: None,
@@ -150,9 +150,9 @@ impl Thread {
         matches!(self.state, State::Running)
     }
 
-    pub(crate) fn hold(&self) -> Option<&Hold> {
+    pub(crate) fn block(&self) -> Option<&Block> {
         match &self.state {
-            State::Held(hold) => Some(hold),
+            State::Blocked(block) => Some(block),
             _ => None,
         }
     }
@@ -250,9 +250,9 @@ impl Tree {
     }
 
     /// The wait of a thread.
-    pub(crate) fn hold_of(&mut self, tid: Tid) -> Option<&mut Hold> {
+    pub(crate) fn block_of(&mut self, tid: Tid) -> Option<&mut Block> {
         match &mut self.threads.get_mut(&tid)?.state {
-            State::Held(hold) => Some(hold),
+            State::Blocked(block) => Some(block),
             _ => None,
         }
     }

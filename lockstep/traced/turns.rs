@@ -9,16 +9,16 @@ use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::{Entry, Halt, Handling};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::{Shown, State, Thread};
-use crate::traced::wait::{Hold, Resume, Wait};
+use crate::traced::wait::{Block, Resume, Wait};
 
-/// Time that one ask costs a thread that does nothing but ask.
-const CREEP: u64 = 20_000;
+/// Time that a query costs a thread that does nothing but query.
+const BACK_OFF: u64 = 20_000;
 
 /// Time that passes when a thread has computed for long, and again whenever it has for a while.
 const PREEMPTED: u64 = 10_000_000;
 
-/// Asks in a row that cost nothing.
-const FREE_ASKS: u32 = 1000;
+/// Queries in a row that cost nothing.
+const FREE_QUERIES: u32 = 1000;
 
 impl Tracer<'_> {
     /// Thread to go on: the one that ran last, or the first of those that can, or any of them.
@@ -69,24 +69,24 @@ impl Tracer<'_> {
         self.processor.share(&self.tree.threads);
         match resume {
             Resume::Go(signal) if has_end => {
-                sys::go_on_to_end_of_call(tid, signal)?;
+                sys::resume_to_syscall_exit(tid, signal)?;
             }
             Resume::Go(signal) => {
                 self.show_clocks(tid)?;
-                sys::go_on(tid, signal)?;
+                sys::resume(tid, signal)?;
             }
             Resume::TimeStamp { length } => {
                 let mut registers = Registers::of(tid)?;
                 registers.read_time_stamp(length, self.clocks.monotonic(self.now));
                 registers.set(tid)?;
                 self.show_clocks(tid)?;
-                sys::go_on(tid, 0)?;
+                sys::resume(tid, 0)?;
             }
-            Resume::Call { crept } => {
+            Resume::Syscall { backed_off } => {
                 self.report.calls += 1;
                 self.tree.thread(tid)?.preempted = false;
                 let registers = Registers::of(tid)?;
-                let action = match self.call(tid, registers, crept) {
+                let action = match self.call(tid, registers, backed_off) {
                     Err(Halt::Make) => Handling::Make,
                     Err(Halt::Again) => Handling::Again,
                     action => action?,
@@ -97,33 +97,33 @@ impl Tracer<'_> {
         self.wait_for_current().map_err(Halt::Failed)
     }
 
-    /// Does with a call what has been decided.
+    /// Applies the handling of a syscall.
     fn act(&mut self, tid: Tid, mut registers: Registers, action: Handling) -> Result<(), Halt> {
         match action {
             Handling::Make => {
                 self.show_clocks(tid)?;
-                sys::go_on(tid, 0)?;
+                sys::resume(tid, 0)?;
             }
             Handling::Again => {
                 registers.make_again();
                 registers.set(tid)?;
-                sys::go_on(tid, 0)?;
+                sys::resume(tid, 0)?;
             }
             Handling::Answer(result) => {
                 registers.answer(tid, result)?;
                 self.tree.set_state(tid, State::Ready(Resume::Go(0)));
             }
-            Handling::Hold(wait, deadline) => self.hold(tid, registers, wait, deadline),
+            Handling::Block(wait, deadline) => self.block(tid, registers, wait, deadline),
             Handling::ToEnd(changed, at_end) => {
                 changed.set(tid)?;
                 self.tree.thread(tid)?.at_end = Some(at_end);
-                sys::go_on_to_end_of_call(tid, 0)?;
+                sys::resume_to_syscall_exit(tid, 0)?;
             }
         }
         Ok(())
     }
 
-    pub(crate) fn hold(
+    pub(crate) fn block(
         &mut self,
         tid: Tid,
         registers: Registers,
@@ -133,48 +133,48 @@ impl Tracer<'_> {
         self.schedule.waits += 1;
         // A wait whose time is over is no more than a query of the clock.
         let queries = deadline.is_some_and(|deadline| deadline <= self.now);
-        let hold = Hold {
+        let block = Block {
             registers,
             wait,
             deadline: deadline.map(|deadline| deadline.max(self.now)),
             since: self.schedule.waits,
-            looked_at: self.schedule.happened,
+            polled_at: self.schedule.happened,
         };
-        let backs_off = matches!(hold.wait, Wait::BackOff(_));
+        let backs_off = matches!(block.wait, Wait::BackOff(_));
         if let Some(thread) = self.tree.threads.get_mut(&tid) {
             if queries {
-                thread.asks = thread.asks.saturating_add(1);
+                thread.queries = thread.queries.saturating_add(1);
             } else if !backs_off {
-                thread.asks = 0;
+                thread.queries = 0;
             }
-            thread.state = State::Held(Box::new(hold));
+            thread.state = State::Blocked(Box::new(block));
         }
     }
 
-    /// A thread asks and waits for nothing; after many of these each takes a little time. `None` if
+    /// A thread queries and waits for nothing; after many queries each takes a little time. `None` if
     /// it may be answered at once.
-    pub(crate) fn ask(&mut self, entry: Entry) -> Option<Handling> {
-        let again = Resume::Call { crept: true };
-        let backs_off = self.asks_much(entry.tid) && !entry.crept;
-        backs_off.then(|| Handling::Hold(Wait::BackOff(again), Some(self.now + CREEP)))
+    pub(crate) fn query(&mut self, entry: Entry) -> Option<Handling> {
+        let again = Resume::Syscall { backed_off: true };
+        let backs_off = self.queries_much(entry.tid) && !entry.backed_off;
+        backs_off.then(|| Handling::Block(Wait::BackOff(again), Some(self.now + BACK_OFF)))
     }
 
-    /// Counts that a thread asks and waits for nothing; whether it has done so very often.
-    fn asks_much(&mut self, tid: Tid) -> bool {
+    /// Counts a query; returns whether the thread has made very many and waited for nothing.
+    fn queries_much(&mut self, tid: Tid) -> bool {
         let Some(thread) = self.tree.threads.get_mut(&tid) else {
             return false;
         };
-        thread.asks = thread.asks.saturating_add(1);
-        thread.asks > FREE_ASKS
+        thread.queries = thread.queries.saturating_add(1);
+        thread.queries > FREE_QUERIES
     }
 
     /// A thread is at an instruction that reads the time stamp counter, which is a query of the clock.
     pub(crate) fn time_stamp(&mut self, tid: Tid, length: u64) -> Result<(), Halt> {
         let registers = Registers::of(tid)?;
         self.restore_fault_action(tid)?;
-        if self.asks_much(tid) {
+        if self.queries_much(tid) {
             let again = Wait::BackOff(Resume::TimeStamp { length });
-            self.hold(tid, registers, again, Some(self.now + CREEP));
+            self.block(tid, registers, again, Some(self.now + BACK_OFF));
         } else {
             self.tree
                 .set_state(tid, State::Ready(Resume::TimeStamp { length }));
@@ -189,7 +189,7 @@ impl Tracer<'_> {
         self.report.outside.insert(what);
         let again = Wait::BackOff(Resume::Go(0));
         let registers = Registers::of(tid)?;
-        self.hold(tid, registers, again, Some(self.now + PREEMPTED));
+        self.block(tid, registers, again, Some(self.now + PREEMPTED));
         Ok(())
     }
 
@@ -214,16 +214,16 @@ impl Tracer<'_> {
         let shown = Shown {
             real: self.clocks.real(self.now),
             monotonic: self.clocks.monotonic(self.now),
-            // Who has asked much, and waited for nothing since, has to ask here.
-            asks: if thread.asks < FREE_ASKS {
-                FREE_ASKS
+            // A thread that has queried much, and waited for nothing since, makes a syscall.
+            queries: if thread.queries < FREE_QUERIES {
+                FREE_QUERIES
             } else {
                 0
             },
         };
         if clocks.shown != Some(shown) {
             let times = (shown.real, shown.monotonic);
-            arch::write_clocks(Memory(tid), clocks.page, shown.asks, times)?;
+            arch::write_clocks(Memory(tid), clocks.page, shown.queries, times)?;
             clocks.shown = Some(shown);
         }
         Ok(())

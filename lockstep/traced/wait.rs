@@ -5,23 +5,23 @@ use rustix::event::PollFlags;
 use crate::port::ReadRule;
 use crate::traced::arch::Registers;
 
-pub(crate) struct Hold {
-    /// As they were at the call.
+pub(crate) struct Block {
+    /// As they were at the syscall.
     pub(crate) registers: Registers,
     pub(crate) wait: Wait,
     /// Time that the program has asked for; see [`Hold::ends`].
     pub(crate) deadline: Option<u64>,
     /// The order in which waits began.
     pub(crate) since: u64,
-    /// It has been looked at when so much had happened.
-    pub(crate) looked_at: u64,
+    /// It was polled when so much had happened.
+    pub(crate) polled_at: u64,
 }
 
 /// Time by which a wait ends after its deadline, as the kernel's default timer slack has it
 /// (`PR_SET_TIMERSLACK`). Programs rely on it: `while (now <= end) wait(end - now)`.
 pub(crate) const SLACK: u64 = 50_000;
 
-impl Hold {
+impl Block {
     /// Time at which it ends in any case.
     pub(crate) fn ends(&self) -> Option<u64> {
         let slack = if matches!(self.wait, Wait::BackOff(_)) {
@@ -37,9 +37,9 @@ impl Hold {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Resume {
     Go(i32),
-    /// Its call is still to be looked at. `crept` says that it has paid for its asking.
-    Call {
-        crept: bool,
+    /// Its syscall is still to be handled. `backed_off` says that it has.
+    Syscall {
+        backed_off: bool,
     },
     /// It is at an instruction that reads the time stamp counter.
     TimeStamp {
@@ -61,8 +61,8 @@ pub(crate) enum Wait {
         result: PollResult,
         mask: Option<u64>,
     },
-    /// A descriptor on which a call can then be made; room for so many bytes, if it is a pipe. What
-    /// the call returns at the deadline. Some calls have more to them and are looked at once more.
+    /// A descriptor on which a syscall can then be made; room for so many bytes, if it is a pipe. What
+    /// the syscall returns at the deadline. Some syscalls have more to them and are handled once more.
     Descriptor {
         fd: i32,
         flags: PollFlags,
@@ -85,7 +85,7 @@ pub(crate) enum Wait {
         device: u64,
         bytes: Vec<u8>,
         sent: usize,
-        /// Value that the call returns when all have been sent.
+        /// Value that the syscall returns when all have been sent.
         count: usize,
     },
     /// Another thread that wakes those that wait there.
@@ -100,7 +100,7 @@ pub(crate) enum Wait {
         mask: Option<u64>,
     },
     Child,
-    /// Whatever another thread does; then the call is made again. What it returns at the deadline.
+    /// Whatever another thread does; then the syscall is made again. What it returns at the deadline.
     Again {
         late: i64,
     },

@@ -9,7 +9,7 @@ use crate::traced::tree::State;
 use crate::traced::wait::{Resume, Wait};
 
 impl Tracer<'_> {
-    /// Says what the programs are doing, for people.
+    /// Returns what the programs are doing, as text.
     pub(crate) fn doing(&self) -> String {
         let running = self.schedule.current.and_then(|tid| {
             let thread = self.tree.threads.get(&tid)?;
@@ -21,18 +21,18 @@ impl Tracer<'_> {
         computing(tid, interrupted_place(process, tid))
     }
 
-    /// Says what everybody waits for, for people.
+    /// Returns what all threads wait for, as text.
     pub(crate) fn waits_text(&self) -> String {
         let mut waits: Vec<String> = Vec::new();
         for (tid, thread) in &self.tree.threads {
             let what = match &thread.state {
-                State::Held(hold) if matches!(hold.wait, Wait::BackOff(Resume::Go(_))) => {
+                State::Blocked(block) if matches!(block.wait, Wait::BackOff(Resume::Go(_))) => {
                     waits.push(computing(*tid, place_of(thread.process, *tid)));
                     continue;
                 }
-                State::Held(hold) => self.wait_text(thread.process, &hold.wait),
+                State::Blocked(block) => self.wait_text(thread.process, &block.wait),
                 State::Stopped => "for being continued".to_owned(),
-                State::Blocked => "in the kernel".to_owned(),
+                State::InKernel => "in the kernel".to_owned(),
                 State::Running | State::Ready(_) => continue,
             };
             let text = format!("{} waited {what}", name_of(*tid));

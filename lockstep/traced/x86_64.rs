@@ -1,4 +1,4 @@
-//! All that is of x86-64: registers, the numbers of calls, the filter, the vDSO, `rdtsc`.
+//! All that is of x86-64: registers, the numbers of syscalls, the filter, the vDSO, `rdtsc`.
 
 #[path = "x86_64/calls.rs"]
 mod calls;
@@ -10,7 +10,7 @@ use std::io;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 
-pub(crate) use calls::{Call, call, filter};
+pub(crate) use calls::{Syscall, call, filter};
 pub(crate) use vdso::{Vdso, write_clocks};
 
 #[derive(Clone, Copy)]
@@ -51,17 +51,17 @@ impl Registers {
         self.set(tid)
     }
 
-    /// Result of the call, at its end.
+    /// Result of the syscall, at its exit stop.
     pub(crate) fn result(&self) -> i64 {
         self.0.rax.cast_signed()
     }
 
-    /// Changes what the call returns, at its end.
+    /// Changes what the syscall returns, at its exit stop.
     pub(crate) fn set_result(&mut self, result: i64) {
         self.0.rax = result.cast_unsigned();
     }
 
-    /// At the end of a call: has it made again. These are the registers from its beginning.
+    /// At a syscall-exit stop: makes it again. These are the registers from its beginning.
     pub(crate) fn make_again(&mut self) {
         self.0.rax = self.0.orig_rax;
         self.0.orig_rax = u64::MAX;
@@ -81,7 +81,7 @@ impl Registers {
         changed
     }
 
-    /// The instruction `syscall` that the program is behind, at a call.
+    /// The instruction `syscall` that the program is behind, at a syscall.
     pub(crate) fn gate(&self) -> u64 {
         self.0.rip.wrapping_sub(2)
     }

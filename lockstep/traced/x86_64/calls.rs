@@ -1,4 +1,4 @@
-//! The numbers of the calls that matter, and the filter that stops threads at them.
+//! The numbers of the syscalls that matter, and the filter that stops threads at them.
 
 use libc::{BPF_ABS, BPF_JEQ, BPF_JMP, BPF_JSET, BPF_K, BPF_LD, BPF_RET, BPF_W, sock_filter};
 
@@ -27,7 +27,7 @@ const REQUESTS: &[u64] = &[
     libc::TIOCGICOUNT as _,
 ];
 
-/// Action of the filter on a call that matters; all others are let through.
+/// Action of the filter on a syscall that matters; all others are let through.
 #[derive(Debug, Clone, Copy)]
 enum Rule {
     Stop,
@@ -37,16 +37,16 @@ enum Rule {
     IfBits(u32, u32),
 }
 
-/// Lists the calls that matter, each with its numbers and what is done with it.
+/// Lists the syscalls that matter, each with its numbers and what is done with it.
 macro_rules! calls {
     ($($call:ident $numbers:tt $rule:expr;)+) => {
-        /// A call at which a thread is stopped.
+        /// A syscall at which a thread is stopped.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub(crate) enum Call {
+        pub(crate) enum Syscall {
             $($call,)+
         }
 
-        const RULES: &[(&[i64], Call, Rule)] = &[$((&$numbers, Call::$call, $rule),)+];
+        const RULES: &[(&[i64], Syscall, Rule)] = &[$((&$numbers, Syscall::$call, $rule),)+];
     };
 }
 
@@ -153,7 +153,7 @@ calls! {
         libc::SYS_io_setup] Rule::Stop;
 }
 
-pub(crate) fn call(number: i64) -> Option<Call> {
+pub(crate) fn call(number: i64) -> Option<Syscall> {
     let rule = RULES.iter().find(|rule| rule.0.contains(&number))?;
     Some(rule.1)
 }
@@ -183,7 +183,7 @@ pub(crate) fn filter(random: bool) -> Vec<sock_filter> {
     };
     let mut program = vec![
         load(ARCH),
-        // Calls of another architecture's programs; the tracer refuses those when they begin.
+        // Syscalls of another architecture's programs; the tracer refuses those when they begin.
         jump(BPF_JEQ, AUDIT_ARCH_X86_64, 1, 0),
         give(libc::SECCOMP_RET_ERRNO | ENOSYS),
         load(NUMBER),
@@ -196,7 +196,7 @@ pub(crate) fn filter(random: bool) -> Vec<sock_filter> {
         program.extend(block);
     };
     for (numbers, call, rule) in RULES {
-        if *call == Call::Getrandom && !random {
+        if *call == Syscall::Getrandom && !random {
             continue;
         }
         let argument = |index: u32| load(ARGUMENTS + 8 * index);

@@ -1,9 +1,9 @@
-//! Clocks inside of a program, so that asking for the time is no call.
+//! Clocks inside of a program, so that reading them is no syscall.
 //!
 //! The vDSO is a small library that the kernel puts into each program and that reads the real
 //! clock. Its functions are replaced by ones that read simulated time from a page of the program's
 //! own memory, which the tracer writes before it lets the program go on when time has. Whatever
-//! else it has is taken out: programs make a call then, as they do where a kernel lacks it.
+//! else it has is taken out: programs make a syscall then, as they do where a kernel lacks it.
 #![expect(
     unsafe_code,
     reason = "the address of what the assembler has made has no safe name"
@@ -17,7 +17,7 @@ use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 
 // The functions find the page of the clocks through the word at the beginning. In the page:
-//    0  how often may be asked before it costs a call
+//    0  how often may be queried before it costs a syscall
 //    8  seconds and nanoseconds of the real-time clock
 //   24  those of the monotonic clock
 //   40  microseconds of the real-time clock
@@ -297,23 +297,30 @@ impl Vdso {
     }
 }
 
-/// Takes it out of what a program is given, so that it asks the system for the time.
+/// Takes it out of what a program is given, so that it reads the time by a syscall.
 fn hide(memory: Memory, entry: u64) -> io::Result<()> {
     const AT_IGNORE: u64 = 1;
     memory.write(entry, &AT_IGNORE.to_ne_bytes())
 }
 
-/// Writes what the clocks show into their page, and how often they may be read without a call.
+/// Writes what the clocks show into their page, and how often they may be read without a syscall.
 pub(crate) fn write_clocks(
     memory: Memory,
     page: u64,
-    asks: u32,
+    queries: u32,
     (real, monotonic): (u64, u64),
 ) -> io::Result<()> {
     let (real_seconds, real_part) = parts(real);
     let (seconds, part) = parts(monotonic);
     let (_, micros) = parts_micros(real);
-    let words = [asks.into(), real_seconds, real_part, seconds, part, micros];
+    let words = [
+        queries.into(),
+        real_seconds,
+        real_part,
+        seconds,
+        part,
+        micros,
+    ];
     let mut bytes = [0; 48];
     for (to, word) in bytes.chunks_exact_mut(8).zip(words) {
         to.copy_from_slice(&word.to_ne_bytes());

@@ -1,4 +1,4 @@
-//! Looking at waits: whether what they are for is there, or their time is over.
+//! Polls of waits: whether what they are for is there, or their time is over.
 
 use rustix::event::PollFlags;
 
@@ -11,65 +11,65 @@ use crate::traced::tracer::Tracer;
 use crate::traced::tree::State;
 use crate::traced::wait::{Resume, Wait};
 
-/// Result of a look at a wait.
-enum Look {
+/// Result of a poll of a wait.
+enum Polled {
     /// It goes on.
     Waits,
-    /// The call is made as it is.
+    /// The syscall is made as it is.
     Make,
     Answer(i64),
-    /// The call is made again, since it is at its end.
+    /// The syscall is made again, since it is at its end.
     Again,
     Resume(Resume),
 }
 
 impl Tracer<'_> {
-    /// Looks at everybody who waits; whether anybody can go on.
-    pub(crate) fn look_at_waits(&mut self) -> Result<bool, Halt> {
+    /// Polls all waits; returns whether any thread can resume.
+    pub(crate) fn poll_waits(&mut self) -> Result<bool, Halt> {
         let mut any = false;
-        // Those that have not been looked at since something has happened.
+        // Those that have not been polled since something has happened.
         for tid in self.tree.all(|one| {
-            one.hold()
-                .is_some_and(|hold| hold.looked_at < self.schedule.happened)
+            one.block()
+                .is_some_and(|block| block.polled_at < self.schedule.happened)
         }) {
-            any |= self.look_at(tid)?;
+            any |= self.poll_wait(tid)?;
         }
         Ok(any)
     }
 
-    fn look_at(&mut self, tid: Tid) -> Result<bool, Halt> {
+    fn poll_wait(&mut self, tid: Tid) -> Result<bool, Halt> {
         let happened = self.schedule.happened;
-        let Some(hold) = self.tree.hold_of(tid) else {
+        let Some(block) = self.tree.block_of(tid) else {
             return Ok(false);
         };
-        hold.looked_at = happened;
-        let mut registers = hold.registers;
-        let (asked, ends) = (hold.deadline, hold.ends());
-        // Taken out for the look, and put back if it goes on.
-        let mut wait = std::mem::replace(&mut hold.wait, Wait::Forever);
+        block.polled_at = happened;
+        let mut registers = block.registers;
+        let (asked, ends) = (block.deadline, block.ends());
+        // Taken out for the poll, and put back if it goes on.
+        let mut wait = std::mem::replace(&mut block.wait, Wait::Forever);
         let is_over = ends.is_some_and(|at| at <= self.now);
         let deadline = self.new_deadline(&mut wait, asked);
-        let look = match self.look(tid, &mut wait, (deadline, is_over)) {
-            Ok(Look::Waits) if is_over && deadline == asked => self.late(tid, &wait),
+        let look = match self.polled(tid, &mut wait, (deadline, is_over)) {
+            Ok(Polled::Waits) if is_over && deadline == asked => self.late(tid, &wait),
             look => look,
         };
         let look = match look {
-            Err(Halt::Make) => Look::Answer(-i64::from(libc::EFAULT)),
+            Err(Halt::Make) => Polled::Answer(-i64::from(libc::EFAULT)),
             look => look?,
         };
         let next = match look {
-            Look::Waits => {
-                if let Some(hold) = self.tree.hold_of(tid) {
-                    (hold.wait, hold.deadline) = (wait, deadline);
+            Polled::Waits => {
+                if let Some(block) = self.tree.block_of(tid) {
+                    (block.wait, block.deadline) = (wait, deadline);
                 }
                 return Ok(false);
             }
-            Look::Make => Resume::Go(0),
-            Look::Answer(result) => {
+            Polled::Make => Resume::Go(0),
+            Polled::Answer(result) => {
                 registers.answer(tid, result)?;
                 Resume::Go(0)
             }
-            Look::Again => {
+            Polled::Again => {
                 let thread = self.tree.thread(tid)?;
                 thread.retries = true;
                 thread.again_until = deadline;
@@ -77,28 +77,34 @@ impl Tracer<'_> {
                 registers.set(tid)?;
                 Resume::Go(0)
             }
-            Look::Resume(resume) => resume,
+            Polled::Resume(resume) => resume,
         };
         self.tree.set_state(tid, State::Ready(next));
         Ok(true)
     }
 
     /// Returns whether what is waited for is there.
-    fn look(
+    fn polled(
         &mut self,
         tid: Tid,
         wait: &mut Wait,
         (deadline, is_late): (Option<u64>, bool),
-    ) -> Result<Look, Halt> {
-        let make_if = |is_there| if is_there { Look::Make } else { Look::Waits };
+    ) -> Result<Polled, Halt> {
+        let make_if = |is_there| {
+            if is_there {
+                Polled::Make
+            } else {
+                Polled::Waits
+            }
+        };
         Ok(match wait {
             Wait::Poll { set, result, .. } => {
                 let found = self.readiness(tid, set);
                 if found.iter().all(PollFlags::is_empty) {
-                    return Ok(Look::Waits);
+                    return Ok(Polled::Waits);
                 }
                 let answer = self.answer_poll(tid, set, &found, result, deadline)?;
-                answer.map_or(Look::Make, Look::Answer)
+                answer.map_or(Polled::Make, Polled::Answer)
             }
             Wait::Descriptor {
                 fd,
@@ -107,13 +113,13 @@ impl Tracer<'_> {
                 has_more,
                 ..
             } => match self.descriptor(self.tree.process_of(tid), *fd) {
-                Some(_) if self.has_signal(tid, *fd) => Look::Make,
+                Some(_) if self.has_signal(tid, *fd) => Polled::Make,
                 Some(descriptor) if flags.contains(PollFlags::OUT) => {
                     make_if(descriptor.has_room(*room))
                 }
-                Some(descriptor) if !descriptor.is_ready(*flags) => Look::Waits,
-                Some(_) if *has_more => Look::Resume(Resume::Call { crept: true }),
-                _ => Look::Make,
+                Some(descriptor) if !descriptor.is_ready(*flags) => Polled::Waits,
+                Some(_) if *has_more => Polled::Resume(Resume::Syscall { backed_off: true }),
+                _ => Polled::Make,
             },
             Wait::PortRead {
                 port,
@@ -124,12 +130,12 @@ impl Tracer<'_> {
             } => match self.ports.get(*port) {
                 Some(found) if found.is_device(*device) => {
                     if !found.can_be_read(*rule, room(into)) {
-                        return Ok(Look::Waits);
+                        return Ok(Polled::Waits);
                     }
-                    Look::Answer(self.receive(tid, *port, into)?)
+                    Polled::Answer(self.receive(tid, *port, into)?)
                 }
                 // The system says that it is gone.
-                _ => Look::Make,
+                _ => Polled::Make,
             },
             Wait::PortWrite {
                 port,
@@ -143,24 +149,24 @@ impl Tracer<'_> {
                     .get(*port)
                     .is_some_and(|port| port.is_device(*device))
                 {
-                    return Ok(Look::Answer(-i64::from(libc::EIO)));
+                    return Ok(Polled::Answer(-i64::from(libc::EIO)));
                 }
                 *sent += self.send(*port, bytes.get(*sent..).unwrap_or_default())?;
                 if *sent < bytes.len() {
-                    Look::Waits
+                    Polled::Waits
                 } else {
-                    Look::Answer(counted(*count))
+                    Polled::Answer(counted(*count))
                 }
             }
             // Each time something has happened; but not when it is too late.
-            Wait::Again { .. } if is_late => Look::Waits,
-            Wait::Child | Wait::Again { .. } => Look::Again,
+            Wait::Again { .. } if is_late => Polled::Waits,
+            Wait::Child | Wait::Again { .. } => Polled::Again,
             Wait::Signal { .. }
             | Wait::Sleep { .. }
             | Wait::BackOff(_)
             | Wait::Futex { .. }
             | Wait::Vfork { .. }
-            | Wait::Forever => Look::Waits,
+            | Wait::Forever => Polled::Waits,
         })
     }
 
@@ -182,31 +188,31 @@ impl Tracer<'_> {
     }
 
     /// The time of a wait is over.
-    fn late(&mut self, tid: Tid, wait: &Wait) -> Result<Look, Halt> {
+    fn late(&mut self, tid: Tid, wait: &Wait) -> Result<Polled, Halt> {
         Ok(match wait {
-            Wait::BackOff(resume) => Look::Resume(*resume),
-            Wait::Sleep { .. } => Look::Answer(0),
+            Wait::BackOff(resume) => Polled::Resume(*resume),
+            Wait::Sleep { .. } => Polled::Answer(0),
             Wait::Poll { set, result, .. } => {
                 let nothing = vec![PollFlags::empty(); set.len()];
                 let answer = self.answer_poll(tid, set, &nothing, result, None)?;
-                Look::Answer(answer.unwrap_or(0))
+                Polled::Answer(answer.unwrap_or(0))
             }
-            Wait::Descriptor { late, .. } => Look::Answer(*late),
+            Wait::Descriptor { late, .. } => Polled::Answer(*late),
             Wait::Again { late } => {
                 // At its end; what it returned is replaced.
                 let mut registers = Registers::of(tid)?;
                 registers.set_result(*late);
                 registers.set(tid)?;
-                Look::Make
+                Polled::Make
             }
             Wait::PortRead { port, into, .. } => match self.ports[*port].unread() {
-                0 => Look::Answer(0),
-                _ => Look::Answer(self.receive(tid, *port, into)?),
+                0 => Polled::Answer(0),
+                _ => Polled::Answer(self.receive(tid, *port, into)?),
             },
-            Wait::Futex { .. } => Look::Answer(-i64::from(libc::ETIMEDOUT)),
-            Wait::Signal { .. } => Look::Answer(-i64::from(libc::EAGAIN)),
+            Wait::Futex { .. } => Polled::Answer(-i64::from(libc::ETIMEDOUT)),
+            Wait::Signal { .. } => Polled::Answer(-i64::from(libc::EAGAIN)),
             Wait::PortWrite { .. } | Wait::Child | Wait::Vfork { .. } | Wait::Forever => {
-                Look::Waits
+                Polled::Waits
             }
         })
     }
