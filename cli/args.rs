@@ -94,7 +94,14 @@ const REPLAY_EXAMPLE: &str = "\
 Example:
   sim run --output traces --seed 1 scenarios/r150/faults/cable-pulled.toml
   sim replay traces/scenarios-r150-faults-cable-pulled.trace.jsonl
-      Prints `the devices did the same to the last byte`, or the first difference: exit code 1.";
+      Prints `the devices did the same to the last byte`, or the first difference: exit code 1.
+  sim replay traces/my.trace.jsonl --until \"12.3 s\"
+      Stop there, paused, with ports and the page. `sim ctl advance 50ms` and `sim ctl resume` go on.";
+
+const MCP_EXAMPLE: &str = "\
+Example, in the file by which an agent knows its servers:
+  {\"mcpServers\": {\"sim\": {\"command\": \"sim\", \"args\": [\"mcp\"]}}}
+      The agent calls its tools in its own folder. A call of `run` or `hunt` starts the client's command.";
 
 const FAULTS_EXAMPLES: &str = "\
 Examples:
@@ -296,14 +303,17 @@ pub(crate) enum Command {
     Trace(TraceArgs),
     /// Play a trace again: the devices must send the same bytes.
     #[command(after_help = REPLAY_EXAMPLE)]
-    Replay {
-        /// A trace of `sim run --output` or `sim --trace`.
-        trace: PathBuf,
-    },
+    Replay(ReplayArgs),
     /// Stand between your client and a real vehicle, and record what passes.
     Tap(TapArgs),
     /// Observe and control a simulator that runs with --control.
     Ctl(CtlArgs),
+    /// Serve agents: a server of the Model Context Protocol on standard input and output.
+    ///
+    /// Its tools list, check, run, hunt, explain, and control a simulator step by step. It ends when its
+    /// input ends.
+    #[command(after_help = MCP_EXAMPLE)]
+    Mcp,
     /// List the faults: what can be broken, with parameters, and what the client sees of it.
     #[command(after_help = FAULTS_EXAMPLES)]
     Faults {
@@ -351,6 +361,20 @@ pub(crate) enum Command {
         #[arg(last = true, required = true)]
         client: Vec<OsString>,
     },
+}
+
+/// A trace, and where to stop.
+#[derive(Debug, Args)]
+pub(crate) struct ReplayArgs {
+    /// A trace of `sim run --output` or `sim --trace`.
+    pub(crate) trace: PathBuf,
+    /// Stop at this simulated time, paused. From there the run goes on live, in real time, by control and
+    /// with any client that opens a port then.
+    #[arg(long, value_name = "TIME")]
+    pub(crate) until: Option<Span>,
+    /// With --until: the address of control and of the page, as for `sim --control`.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0", requires = "until", value_parser = rigsim_control::listen)]
+    pub(crate) control: std::net::SocketAddr,
 }
 
 /// Which part of a trace to print, and how.

@@ -4,6 +4,7 @@ mod dissector;
 mod frames;
 mod mcap;
 mod pcapng;
+mod vcd;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -43,6 +44,8 @@ pub(crate) enum ExportFormat {
     Mcap,
     /// Frames on the lines, for Wireshark.
     Pcapng,
+    /// Bits on the lines and values, for PulseView and GTKWave.
+    Vcd,
 }
 
 impl ExportFormat {
@@ -56,6 +59,7 @@ impl ExportFormat {
         match self {
             Self::Mcap => &["MCAP0\r\n"],
             Self::Pcapng => &["\n\r\r\n"],
+            Self::Vcd => &["$version sim"],
         }
     }
 
@@ -75,6 +79,7 @@ impl ExportFormat {
         Ok(match self {
             Self::Mcap => Box::new(mcap::Mcap::begin(run, about, out)?),
             Self::Pcapng => Box::new(pcapng::Pcapng::begin(run, about, out)?),
+            Self::Vcd => Box::new(vcd::Vcd::begin(run, about, out)?),
         })
     }
 }

@@ -10,6 +10,7 @@ mod hunt;
 mod lists;
 mod log;
 mod looking;
+mod mcp;
 mod patient_file;
 mod plan;
 mod print;
@@ -56,8 +57,9 @@ pub fn main(devices: Devices) -> ExitCode {
             Some(Command::Check { files, given }) => run::check(devices, files, given),
             Some(Command::Merge(args)) => run::merge(args),
             Some(Command::Hunt(args)) => hunt::hunt(devices, args),
-            Some(Command::Replay { trace }) => recording::replay(devices, trace),
+            Some(Command::Replay(args)) => start::replay(devices, args),
             Some(Command::Tap(args)) => vehicle::tap(devices, args),
+            Some(Command::Mcp) => mcp::serve(devices),
             Some(Command::Trace(args)) => trace::trace(devices, args),
             Some(Command::Supervise { client }) => supervise::supervise(client),
             Some(Command::Faults { device, format }) => {

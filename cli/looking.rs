@@ -47,6 +47,8 @@ impl Attendant for Looking<'_> {
         }
         if let Some(trace) = self.trace {
             trace.take(run);
+        } else {
+            while run.poll_trace().is_some() {}
         }
         match &mut self.requests {
             Some(_) if !answered => Ok(Some(Duration::ZERO)),

@@ -1,15 +1,19 @@
 //! Recordings of runs: written, read and played again.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::hash::Hasher as _;
 use std::io::{self, BufRead as _, BufReader, BufWriter, ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
+use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
+use rigsim_core::rig::PortId;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
-use rigsim_runner::trace::{Onlooker, Record, Replay, ReplayError};
+use rigsim_runner::trace::{Hexed, Onlooker, PortRecord, Record, Replay, ReplayError};
+use serde::Deserialize;
 use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
 use crate::exit::{Exit, Failure};
@@ -193,4 +197,56 @@ fn play(lines: &mut Lines<'_>, mut replay: Replay<'_>) -> Result<Played, Failure
         }
     }
     Ok(replay.finish())
+}
+
+/// What says when a line of a trace is over.
+#[derive(Deserialize)]
+struct Timed {
+    kind: String,
+    #[serde(default)]
+    t: u64,
+    #[serde(default)]
+    dt: u64,
+    #[serde(default)]
+    bytes: Hexed,
+    port: Option<PortRecord>,
+}
+
+/// Plays a recording again up to a time. Its client has closed its ports then.
+pub(crate) fn until(devices: Devices, path: &Path, at: SimTime) -> Result<Run, Failure> {
+    let failed = |error| Failure::usage(anyhow!("{}: {error}", visible::name(path)));
+    let mut lines = Lines::open(path)?;
+    let mut replay = Replay::begin(devices, lines.first()?).map_err(failed)?;
+    let (mut open, mut is_there) = (BTreeSet::new(), false);
+    while let Some(line) = lines.next()? {
+        if let Ok(line) = serde_json::from_str::<Timed>(line) {
+            let rest = line.bytes.0.len().saturating_sub(1) as u64 * line.dt;
+            if line.t.saturating_add(rest) > at.as_nanos() {
+                is_there = true;
+                // What the client did next stands behind bytes of the device.
+                match line.kind.as_str() {
+                    "out" | "event" | "pose" => continue,
+                    _ => break,
+                }
+            }
+            let port = line.port.map(PortId::from);
+            match (line.kind.as_str(), port) {
+                ("attach", Some(port)) => open.insert(port),
+                ("detach", Some(port)) => open.remove(&port),
+                _ => false,
+            };
+        }
+        replay.line(line).map_err(failed)?;
+    }
+    let mut run = replay.into_run();
+    run.advance(at).map_err(Failure::system)?;
+    if !is_there || run.finished().is_some() {
+        let (path, now) = (visible::name(path), run.rig().now());
+        let why = anyhow!("--until: {path} ends at {now}; give an earlier time");
+        return Err(Failure::usage(why));
+    }
+    for port in open {
+        run.detach(port, at).map_err(Failure::system)?;
+    }
+    Ok(run)
 }

@@ -76,6 +76,18 @@ impl Loaded {
         })
     }
 
+    /// That of a run which was played again.
+    pub(crate) fn replayed(run: &Run) -> Self {
+        let scenario = run.scenario().clone();
+        Self {
+            path: PathBuf::from(&scenario.file),
+            scenario: Arc::new(scenario),
+            world: None,
+            parameters: Vec::new(),
+            broken: None,
+        }
+    }
+
     /// Returns the beginning of a scenario file with the same devices, world and settings, to which
     /// steps can be added. Its title and the like are missing where it is not based on a scenario.
     pub(crate) fn beginning(&self) -> String {

@@ -1,8 +1,10 @@
 //! From a plan to a running simulator, and the summary at its end.
 
+use std::ffi::OsString;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::rig::PortId;
 use rigsim_pty::{Counters, Waiter};
@@ -10,7 +12,7 @@ use rigsim_runner::{DevicePlan, RigPlan, Run, RunOptions};
 use rigsim_settings::show_duration;
 use serde_json::{Value, json};
 
-use crate::args::ServeArgs;
+use crate::args::{Cli, ReplayArgs, ServeArgs};
 use crate::config;
 use crate::control::RequestQueue;
 use crate::exit::{Exit, Failure};
@@ -18,7 +20,7 @@ use crate::log::{Log, LogFormat, LogOptions, Words};
 use crate::looking::Looking;
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
-use crate::recording::TraceFile;
+use crate::recording::{self, TraceFile};
 use crate::run;
 use crate::scenario_files::Loaded;
 use crate::summary;
@@ -70,6 +72,21 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
     Ok(result.verdict.exit())
 }
 
+/// The `replay` subcommand: compares a run with its trace, or stops on the way and goes on live.
+pub(crate) fn replay(devices: Devices, args: &ReplayArgs) -> Result<Exit, Failure> {
+    let Some(until) = &args.until else {
+        return recording::replay(devices, &args.trace);
+    };
+    let run = recording::until(devices, &args.trace, SimTime::ZERO + until.0)?;
+    let words = ["sim", "--control", &args.control.to_string()].map(OsString::from);
+    let serve = Cli::parse(devices, &words).map_err(Failure::usage)?.serve;
+    let loaded = Loaded::replayed(&run);
+    let mut session = Session::open(&serve, &loaded, run)?;
+    session.serve()?;
+    session.finish(None)?;
+    Ok(Exit::Clean)
+}
+
 /// Devices that are served on ports, and the log of it.
 struct Session {
     server: Server,
@@ -86,6 +103,7 @@ impl Session {
         let (plan, seed) = (&loaded.scenario.rig, run.seed());
         let begin = match args.scenario {
             Some(_) => Begin::WithClient,
+            None if run.rig().now() > SimTime::ZERO => Begin::Paused,
             None => Begin::Now,
         };
         // Before anything is opened, so that a signal at any time leaves nothing behind.

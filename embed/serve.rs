@@ -68,6 +68,8 @@ pub enum Begin {
     /// First opening of a port by a client: whatever is planned waits for clients that are slow to
     /// start.
     WithClient,
+    /// When it is resumed: a run that has come to some time already stands still there.
+    Paused,
 }
 
 /// Observer of a run between two of its steps, which changes what happens in it and how its time
@@ -164,11 +166,15 @@ impl Server {
                 waiter.add(token, port)?;
             }
         }
+        let mut clock = Clock::start(speed);
+        if begin == Begin::Paused {
+            clock.stop(run.rig().now());
+        }
         Ok(Self {
             run,
             ports,
             waiter,
-            clock: Clock::start(speed),
+            clock,
             waiting: begin == Begin::WithClient,
             until: None,
             slowness: Slowness::default(),

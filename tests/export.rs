@@ -1,4 +1,5 @@
-//! Runs exported for other tools. `tests/tools` reads them with those tools.
+//! Runs in other tools: exported, played again up to a time, and called by agents. `tests/tools` does it with those
+//! tools.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -11,7 +12,13 @@ mod harness;
 use std::collections::BTreeMap;
 use std::fs;
 
+use std::io::Write as _;
+use std::process::Stdio;
+
+use harness::client::Client;
 use harness::live::{DRIVE, Folder};
+use harness::{Finished, Sim, command};
+use serde_json::{Value, json};
 
 /// The types of the blocks of a capture; both lengths of each have to be right.
 fn blocks(capture: &[u8]) -> Vec<u32> {
@@ -107,4 +114,262 @@ fn a_recording_has_values_frames_and_the_scenario() {
     // Midnight, and so many times 50 ms behind it.
     let day = 86_400 * 1_000_000_000;
     assert_eq!((last % day) / 50_000_000 + 1, moments as u64);
+}
+
+/// The bytes that an end of a line says in bits of this length, ns.
+fn bytes_of_bits(vcd: &str, sign: &str, bit: u64) -> Vec<u8> {
+    let (mut now, mut changes) = (0, Vec::new());
+    for line in vcd.lines().skip_while(|line| !line.starts_with('#')) {
+        if let Some(time) = line.strip_prefix('#') {
+            let time = time.parse().unwrap();
+            assert!(now <= time, "time goes back to {time}");
+            now = time;
+        } else if let Some(level) = line.strip_suffix(sign).filter(|level| level.len() == 1) {
+            changes.push((now, level == "1"));
+        }
+    }
+    let level = |at: u64| {
+        let index = changes.partition_point(|(time, _)| *time <= at);
+        index == 0 || changes[index - 1].1
+    };
+    let (mut bytes, mut at) = (Vec::new(), 0);
+    while let Some((begin, _)) = changes.iter().find(|(time, level)| *time >= at && !level) {
+        let middle = |index: u64| begin + index * bit + bit / 2;
+        assert!(
+            !level(middle(0)) && level(middle(9)),
+            "start and stop bit at {begin} ns"
+        );
+        bytes.push(
+            (0..8)
+                .map(|index| u8::from(level(middle(index + 1))) << index)
+                .sum(),
+        );
+        at = middle(9);
+    }
+    bytes
+}
+
+#[test]
+fn bits_on_the_lines_are_the_bytes() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let run = [
+        "run",
+        "--seed",
+        "1",
+        "--output",
+        ".",
+        "--export",
+        "vcd",
+        "--export-all",
+    ];
+    folder
+        .sim(&[&run[..], &["drive.toml"]].concat())
+        .expect_clean();
+    let vcd = folder.read("drive.vcd");
+    let recorded = |kind: &str| -> Vec<u8> {
+        let trace = harness::json_lines(&folder.read("drive.trace.jsonl"));
+        let records = trace.iter().filter(|record| record["kind"] == kind);
+        let hex: String = records
+            .map(|record| record["bytes"].as_str().unwrap().to_owned())
+            .collect();
+        let pairs = hex
+            .as_bytes()
+            .chunks(2)
+            .map(|pair| str::from_utf8(pair).unwrap());
+        pairs
+            .map(|pair| u8::from_str_radix(pair, 16).unwrap())
+            .collect()
+    };
+    let bit = 1_000_000_000 / 115_200;
+    assert!(recorded("host").len() > 100);
+    assert_eq!(bytes_of_bits(&vcd, "!", bit), recorded("host"));
+    assert_eq!(bytes_of_bits(&vcd, "\"", bit), recorded("out"));
+    assert!(vcd.contains(" speed_mps $end") && vcd.contains("\nr0."));
+}
+
+/// Plays a drive again up to a time, and calls a program that controls it.
+fn goes_on(
+    folder: &Folder,
+    until: &str,
+    then: impl FnOnce(&Sim, &dyn Fn(&[&str]) -> Finished),
+) -> Finished {
+    let sim = folder.start(&["replay", "drive.trace.jsonl", "--until", until]);
+    sim.wait_ready();
+    let control = sim.wait_line(&["control on "]);
+    let url = control.trim().trim_start_matches("control on ").to_owned();
+    then(&sim, &|words| {
+        folder.sim(&[&["ctl", "--url", &url], words].concat())
+    });
+    sim.stop()
+}
+
+#[test]
+fn a_replayed_run_goes_on_live() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    folder
+        .sim(&["run", "--seed", "1", "--output", ".", "drive.toml"])
+        .expect_clean();
+    let there = |at: &str| {
+        let csv = [
+            "trace",
+            "drive.trace.jsonl",
+            "--csv",
+            "truth.x_m",
+            "--every",
+            "10ms",
+            "--from",
+            at,
+        ];
+        folder
+            .sim(&csv)
+            .expect_clean()
+            .out
+            .lines()
+            .nth(1)
+            .unwrap()
+            .to_owned()
+    };
+    // It drives then, and does what it did, but for what is changed now.
+    let ended = goes_on(&folder, "800 ms", |_, ctl| {
+        let now = |name: &str| {
+            ctl(&["get", name])
+                .expect_clean()
+                .out
+                .split_whitespace()
+                .last()
+                .unwrap()
+                .to_owned()
+        };
+        assert_eq!(now("t"), "0.8");
+        assert_eq!(
+            now("truth.x_m").parse::<f64>().unwrap(),
+            there("800ms").parse::<f64>().unwrap()
+        );
+        ctl(&["advance", "50ms"]).expect_clean();
+        assert_eq!(
+            now("truth.x_m").parse::<f64>().unwrap(),
+            there("850ms").parse::<f64>().unwrap()
+        );
+        ctl(&["operator", "emergency_stop", "true"]).expect_clean();
+        ctl(&["resume"]).expect_clean();
+        ctl(&["until", "truth.at_rest"]).expect_clean();
+        assert!(now("truth.x_m").parse::<f64>().unwrap() < there("1500ms").parse::<f64>().unwrap());
+    });
+    assert_eq!(ended.code(), Some(0), "{}", ended.err);
+    let late = folder.sim(&["replay", "drive.trace.jsonl", "--until", "1h"]);
+    late.expect_refusal(2, &["--until", "ends at"]);
+}
+
+#[test]
+fn a_client_takes_over_a_replayed_run() {
+    let folder = Folder::with(&[]);
+    // The client of the trace has the port open then, and the next one finds it free.
+    let sim = Sim::start(&[
+        "--trace",
+        folder.file("drive.trace.jsonl").to_str().unwrap(),
+    ]);
+    let mut client = sim.client();
+    client.ask(0x07, &[]);
+    client.ask(0x07, &[]);
+    drop((client, sim.stop().expect_clean()));
+    let trace = harness::json_lines(&folder.read("drive.trace.jsonl"));
+    let sent = trace
+        .iter()
+        .filter(|record| record["kind"] == "in")
+        .nth(1)
+        .unwrap();
+    let until = format!("{} ns", sent["t"].as_u64().unwrap());
+    let ended = goes_on(&folder, &until, |sim, ctl| {
+        ctl(&["resume"]).expect_clean();
+        let line = sim.wait_line(&["r150", " on /"]);
+        let port = line
+            .split(" on ")
+            .nth(1)
+            .unwrap()
+            .split_whitespace()
+            .next()
+            .unwrap();
+        Client::open(port.as_ref()).ask(0x07, &[]);
+    });
+    assert_eq!(ended.code(), Some(0), "{}", ended.err);
+    assert!(ended.out.contains("client_attached 2"), "{}", ended.out);
+}
+
+/// Sends requests to the server for agents, and returns its answers by their ids.
+fn answers(folder: &Folder, requests: &[&str]) -> Vec<Value> {
+    let mut command = command();
+    command
+        .arg("mcp")
+        .current_dir(folder.path())
+        .env("TMPDIR", folder.path());
+    let mut server = command
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut input = server.stdin.take().unwrap();
+    requests
+        .iter()
+        .for_each(|request| writeln!(input, "{request}").unwrap());
+    drop(input);
+    let ended = server.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(0));
+    assert!(folder.leftovers().is_empty(), "{:?}", folder.leftovers());
+    let mut answers = harness::json_lines(&String::from_utf8(ended.stdout).unwrap());
+    answers.sort_by_key(|answer| answer["id"].as_u64());
+    answers
+}
+
+#[test]
+fn what_agents_send_wrongly_is_answered() {
+    let folder = Folder::with(&[]);
+    let call = |id: u32, name: &str, arguments: Value| {
+        let params = json!({"name": name, "arguments": arguments});
+        json!({"jsonrpc": "2.0", "id": id, "method": "tools/call", "params": params}).to_string()
+    };
+    let requests = [
+        "no JSON".to_owned(),
+        r#"{"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {"protocolVersion": "2025-06-18"}}"#.to_owned(),
+        r#"{"jsonrpc": "2.0", "method": "notifications/initialized"}"#.to_owned(),
+        r#"{"jsonrpc": "2.0", "id": 2, "method": "resources/list"}"#.to_owned(),
+        call(3, "fly", json!({})),
+        call(4, "check", json!({"file": "a.toml"})),
+        call(5, "check", json!({})),
+        call(6, "run", json!({"files": "a.toml"})),
+        call(7, "run", json!({"files": ["--help"]})),
+        call(8, "stop", json!({})),
+        call(9, "explain", json!({"trace": "none.jsonl"})),
+        call(10, "list", json!({"what": "faults", "matching": "cable-pulled"})),
+    ];
+    let answers = answers(&folder, &requests.each_ref().map(String::as_str));
+    let errors: Vec<i64> = answers
+        .iter()
+        .filter_map(|answer| answer["error"]["code"].as_i64())
+        .collect();
+    assert_eq!(errors, [-32700, -32601, -32602, -32602, -32602, -32602]);
+    assert_eq!(answers[1]["result"]["protocolVersion"], "2025-06-18");
+    assert!(
+        answers[4]["error"]["message"]
+            .as_str()
+            .unwrap()
+            .contains("allowed: files")
+    );
+    let text = |id: usize| {
+        let result = &answers[id]["result"];
+        assert_eq!(result["isError"], id != 10, "{result}");
+        result["content"][0]["text"].as_str().unwrap()
+    };
+    // A file is no flag, and each answer says what to do next.
+    assert!(
+        text(7).contains("--help") && !text(7).contains("Usage"),
+        "{}",
+        text(7)
+    );
+    assert!(text(8).starts_with("no simulator was started\n\nNext: `start`"));
+    assert!(text(9).contains("none.jsonl") && text(9).contains("Next: "));
+    assert!(
+        text(10).starts_with("cable-pulled ") && !text(10).contains("bit-flips"),
+        "{}",
+        text(10)
+    );
 }

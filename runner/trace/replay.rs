@@ -162,6 +162,12 @@ impl<'o> Replay<'o> {
         &self.run
     }
 
+    /// The second run, to go on with it.
+    #[must_use]
+    pub fn into_run(self) -> Run {
+        self.run
+    }
+
     /// Returns whether the onlooker wants no more of it.
     #[must_use]
     pub fn is_enough(&self) -> bool {
