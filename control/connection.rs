@@ -359,7 +359,7 @@ fn wanted_names(head: &Head) -> Result<Ask, Refusal> {
 
 fn read_json(body: &[u8]) -> Result<Value, Refusal> {
     crate::json::read(body)
-        .map_err(|error| Refusal::new(400, format!("the body is no JSON: {error}")))
+        .map_err(|error| Refusal::new(400, format!("cannot read the body: {error}")))
 }
 
 fn is_timeout(error: &io::Error) -> bool {

@@ -260,7 +260,7 @@ fn a_shell_does_the_same() {
         ),
         (
             &["step", r#"{"fault": {"kind": "mute", "kind": "delay"}}"#],
-            &["the key \"kind\" stands twice"],
+            &["duplicate key: `kind`"],
         ),
     ] {
         controlled.ctl(args).expect_refusal(2, parts);
