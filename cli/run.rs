@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::collections::hash_map::RandomState;
 use std::fs;
 use std::hash::{BuildHasher as _, Hasher as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow};
 use rigsim_core::device::Devices;
@@ -74,7 +74,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     if args.output.is_some() || args.report.is_some() {
         refuse_shared_files(&loaded)?;
     }
-    let (mut cases, shard) = cases(args, &loaded)?;
+    let (mut cases, shard) = cases(args, &loaded);
     if args.dry_run {
         let text: Vec<String> = cases.iter().map(tell::planned).collect();
         return print(&text.join("\n"));
@@ -85,8 +85,17 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let page = page
         .map(|path| Page::begin(devices, path, args))
         .transpose()?;
+    let mut counts = Counts {
+        all: cases.len(),
+        of: BTreeMap::new(),
+    };
     let results = match &args.results {
-        Some(folder) => Some(begin_results(folder, shard, &mut cases, args, &loaded)?),
+        Some(folder) => {
+            let plan = plan(shard, args, &loaded)?;
+            let (results, known) = campaign::resume(folder, shard, &plan)?;
+            leave_out_known(&mut cases, &plan, &known, &mut counts);
+            Some(results)
+        }
         None => None,
     };
     let scratch = results.as_ref().map(|results| results.scratch().to_owned());
@@ -96,7 +105,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let junit = args.junit.as_deref();
     let mut audience = Audience {
         cases: &cases,
-        counts: Counts::default(),
+        counts,
         progress: progress(
             cases.len() as u64,
             "{bar:30} {pos}/{len} scenarios, {elapsed}",
@@ -109,7 +118,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let wrong = pool::play_all(args, &cases, &mut audience);
     audience.progress.finish_and_clear();
     let wrong = wrong?;
-    let exit = audience.counts.finish(cases.len());
+    let exit = audience.counts.finish();
     // Also of an aborted run.
     audience.results.as_mut().map_or(Ok(()), Results::flush)?;
     audience.junit.map_or(Ok(()), Junit::finish)?;
@@ -124,66 +133,60 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
 }
 
 /// The cases of this shard.
-fn cases<'a>(args: &'a RunArgs, loaded: &'a [Loaded]) -> Result<(Vec<Case<'a>>, Shard), Failure> {
-    let (shard, engine) = match args.shard {
-        Some(shard) => shard.find()?,
-        None => (Shard::WHOLE, None),
-    };
+fn cases<'a>(args: &'a RunArgs, loaded: &'a [Loaded]) -> (Vec<Case<'a>>, Shard) {
+    let shard = args.shard.unwrap_or(Shard::WHOLE);
     let is_campaign = args.shard.is_some() || args.results.is_some();
     // Two shards know the same case by its seed.
     let base = if is_campaign { 1 } else { random_seed() };
     let mut cases = Vec::new();
     for (number, one) in loaded.iter().enumerate() {
-        let file = visible::name(&one.path);
+        let name = one.name();
         let case = |repeat| Case {
             file_number: number,
             ..Case::new(args, one, repeat, base)
         };
         let is_ours = |case: &Case<'_>| {
-            Shard::owner(
-                shard.of,
-                &file,
-                &one.parameters,
-                &args.settings.set,
-                case.seed,
-            ) == shard.index
+            Shard::owner(shard.of, &name, &args.settings.set, case.seed) == shard.index
         };
         cases.extend((0..args.repeat).map(case).filter(is_ours));
     }
     if args.shard.is_some() {
         let all = loaded.len() * args.repeat as usize;
-        let by = engine.map_or(String::new(), |engine| format!(", as {engine} says"));
+        let by = shard.engine;
+        let by = by.map_or(String::new(), |engine| format!(", as {engine} says"));
         complain(&format!(
             "shard {shard}{by}: {} of {all} cases",
             cases.len()
         ));
     }
-    Ok((cases, shard))
+    (cases, shard)
 }
 
-/// Begins to keep results, and takes out the cases whose verdicts are known.
-fn begin_results<'a>(
-    folder: &Path,
-    shard: Shard,
-    cases: &mut Vec<Case<'a>>,
-    args: &'a RunArgs,
-    loaded: &'a [Loaded],
-) -> Result<Results, Failure> {
+/// The plan of all shards.
+fn plan(shard: Shard, args: &RunArgs, loaded: &[Loaded]) -> Result<Plan, Failure> {
     let first_two = |one| [0, 1].map(|repeat| Case::new(args, one, repeat, 1));
-    let plan = Plan::new(shard, &loaded.iter().map(first_two).collect::<Vec<_>>())?;
-    let (results, known) = Results::begin(folder, shard, &plan)?;
+    Plan::new(shard, &loaded.iter().map(first_two).collect::<Vec<_>>())
+}
+
+/// Takes out the cases whose verdicts are known. They count: a shard that failed and is started again
+/// has still failed.
+fn leave_out_known(
+    cases: &mut Vec<Case<'_>>,
+    plan: &Plan,
+    known: &[Option<Verdict>],
+    counts: &mut Counts,
+) {
     let before = cases.len();
     cases.retain(|case| {
         let place = plan.place(case.file_number, case.repeat.unwrap_or_default());
-        !place.is_some_and(|place| known[place])
+        let verdict = place.and_then(|place| known[place]);
+        verdict.into_iter().for_each(|verdict| counts.add(verdict));
+        verdict.is_none()
     });
     if cases.len() < before {
-        complain(&format!(
-            "{} cases have a verdict already",
-            before - cases.len()
-        ));
+        let count = before - cases.len();
+        complain(&format!("{count} cases have a verdict already"));
     }
-    Ok(results)
 }
 
 /// Refuses flags that the time of the run has no use for.
@@ -217,7 +220,7 @@ struct Audience<'a> {
 impl Audience<'_> {
     /// A case has a result; they come as they come.
     fn known(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
-        self.counts.add(result);
+        self.counts.add(result.verdict);
         let case = &self.cases[index];
         if let Some(page) = self.page {
             page.known(index, case, result);
@@ -266,7 +269,7 @@ impl Audience<'_> {
         // Its folder for traces goes.
         drop(results);
         self.junit.take().map_or(Ok(()), Junit::finish)?;
-        self.counts.finish(self.cases.len())?;
+        self.counts.finish()?;
         std::process::exit(Exit::System as i32);
     }
 }
@@ -335,31 +338,23 @@ fn prepare(args: &RunArgs) -> Result<(), Failure> {
 }
 
 /// Number of results of each kind.
-#[derive(Default)]
-struct Counts(BTreeMap<Verdict, usize>);
+struct Counts {
+    /// Number of cases.
+    all: usize,
+    of: BTreeMap<Verdict, usize>,
+}
 
 impl Counts {
-    fn add(&mut self, result: &CaseResult) {
-        *self.0.entry(result.verdict).or_default() += 1;
+    fn add(&mut self, verdict: Verdict) {
+        *self.of.entry(verdict).or_default() += 1;
     }
 
-    /// The last line, and the exit code; `all` were to be played.
-    fn finish(&self, all: usize) -> Result<Exit, Failure> {
-        let count = |verdict| self.0.get(&verdict).copied().unwrap_or_default();
-        let left = all - self.0.values().sum::<usize>();
-        let (passed, failed) = (count(Verdict::Passed), count(Verdict::Failed));
-        let skipped = count(Verdict::Skipped) + left;
-        let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
-        for (verdict, words) in [(Verdict::Error, "error"), (Verdict::Aborted, "aborted")] {
-            match count(verdict) {
-                0 => {}
-                1 => text += &format!(", 1 {words}"),
-                several if verdict == Verdict::Error => text += &format!(", {several} errors"),
-                several => text += &format!(", {several} {words}"),
-            }
-        }
-        print(&text)?;
-        let worst = self.0.keys().map(|verdict| verdict.exit());
+    /// Prints the last line, and returns the exit code. What has no result counts as skipped.
+    fn finish(&self) -> Result<Exit, Failure> {
+        let mut counts = self.of.clone();
+        *counts.entry(Verdict::Skipped).or_default() += self.all - self.of.values().sum::<usize>();
+        print(&case::counts(&counts))?;
+        let worst = self.of.keys().map(|verdict| verdict.exit());
         Ok(worst.max().unwrap_or(Exit::Clean))
     }
 }

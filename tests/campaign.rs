@@ -179,7 +179,7 @@ fn shards_give_what_one_machine_gives_to_the_byte() {
     // Each failure can be seen again by the command that is printed.
     let document: Value = serde_json::from_slice(&one[2]).unwrap();
     for number in [0, 2] {
-        let first = &document["failures"][0]["first"][number];
+        let first = &document["findings"][0]["cases"][number];
         let again = first["command"].as_str().unwrap();
         // Quoted for a shell.
         let sim = command().get_program().to_str().unwrap().to_owned();
@@ -213,7 +213,7 @@ fn a_shard_that_died_is_named_and_never_green() {
     let (exit, printed, files) = campaign.merge("out", &[]);
     assert_eq!(exit, 3, "{printed}");
     assert!(
-        printed.contains("shard 2/3: ") && printed.contains(" missing: files/"),
+        printed.contains("shard 2/3: ") && printed.contains(" missing, as files/"),
         "{printed}"
     );
     assert!(files.iter().all(Vec::is_empty));
@@ -261,8 +261,15 @@ fn what_a_killed_shard_wrote_is_not_played_again() {
     assert_eq!(campaign.merge("torn", &[]), whole);
 
     // Nothing is left to be played, and an attempt that finds that out harms nothing.
+    // What failed then still fails.
     let output = campaign.play("1/1", "torn", &[]);
-    assert!(text(&output).contains("30 cases have a verdict already"));
+    let printed = text(&output);
+    assert!(printed.contains("30 cases have a verdict already"));
+    assert!(
+        printed.contains("20 passed, 10 failed, 0 skipped"),
+        "{printed}"
+    );
+    assert_eq!(code(&output), 1);
     assert_eq!(campaign.merge("torn", &[]), whole);
     assert_eq!(all.len(), 31);
 }
@@ -310,9 +317,9 @@ fn results_of_two_plans_never_mix() {
     for (other, what) in [
         (
             &["--set", "r150.over_rate=silent"][..],
-            "the settings have changed",
+            "--set: r150.over_rate=silent and ",
         ),
-        (&["--seed", "7"], "the seed: 7 and 1"),
+        (&["--seed", "7"], "files/ahead.toml pwm=300, its base"),
     ] {
         let output = campaign.play("2/2", "out", other);
         assert_eq!(code(&output), 2, "{}", text(&output));
@@ -351,7 +358,7 @@ fn results_of_two_plans_never_mix() {
     fs::write(&script, "exec 3<>\"$SIM_R150_PORT\"\n").unwrap();
     let output = client("live", "2/2");
     assert!(
-        text(&output).contains("a file of the client has changed"),
+        text(&output).contains("the digests of the client's files"),
         "{}",
         text(&output)
     );

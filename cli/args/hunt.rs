@@ -16,6 +16,9 @@ Examples:
       Judge by further rules, and write what is found into a folder.
   sim run found/*.toml -- ./client
       Play what was found again.
+  sim hunt --seed 2 --output hunt-2 my-job.toml -- ./client
+      Search elsewhere, as on a second machine. A hunt has no --shard: what it tries next depends on
+      what it has found.
 
 Exit codes:
   0  nothing found

@@ -8,7 +8,7 @@ use std::time::Duration;
 use clap::{ArgAction, Args, ValueEnum, value_parser};
 use rigsim_settings::Span;
 
-use super::{MAX_STALL, SettingsArgs, ShardArg, some_time, speed};
+use super::{MAX_STALL, SettingsArgs, Shard, some_time, speed};
 use crate::exit::Exit;
 use crate::export::ExportFormat;
 
@@ -94,7 +94,7 @@ pub(crate) struct RunArgs {
     pub(crate) export_all: bool,
     /// Play only shard K of N. With `auto`, the variables of a CI server or a batch system choose it.
     #[arg(long, value_name = "K/N|auto")]
-    pub(crate) shard: Option<ShardArg>,
+    pub(crate) shard: Option<Shard>,
     /// Add results to this folder, for `sim merge`. Cases that have a verdict there are not played
     /// again. Files without a seed begin with seed 1, as with --shard.
     #[arg(long, value_name = "DIR", conflicts_with = "fail_fast")]

@@ -1,5 +1,6 @@
 //! A case: one scenario to be played, with its parameters and seed, and what came of it.
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -307,6 +308,27 @@ impl Verdict {
             Self::Error | Self::Aborted => Exit::System,
         }
     }
+}
+
+/// Counts of cases in words: `990 passed, 10 failed, 0 skipped`.
+pub(crate) fn counts(of: &BTreeMap<Verdict, usize>) -> String {
+    let count = |verdict| of.get(&verdict).copied().unwrap_or_default();
+    let [passed, failed] = [Verdict::Passed, Verdict::Failed].map(count);
+    let mut text = format!(
+        "{passed} passed, {failed} failed, {} skipped",
+        count(Verdict::Skipped)
+    );
+    for (verdict, one, several) in [
+        (Verdict::Error, "error", "errors"),
+        (Verdict::Aborted, "aborted", "aborted"),
+    ] {
+        match count(verdict) {
+            0 => {}
+            1 => text += &format!(", 1 {one}"),
+            count => text += &format!(", {count} {several}"),
+        }
+    }
+    text
 }
 
 /// A client that has ended.

@@ -2,8 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::hash::Hasher as _;
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use indexmap::IndexMap;
 use siphasher::sip::SipHasher13;
@@ -11,7 +10,7 @@ use siphasher::sip::SipHasher13;
 use crate::run::case::Verdict;
 use crate::visible;
 
-use super::outputs::{Different, Example, FileSummary, Signature, Summary, VERDICTS, Verdicts};
+use super::outputs::{Example, FileSummary, Finding, Summary, VERDICTS, Verdicts};
 use super::plan::Plan;
 use super::results::{Line, Part, TRACES, Tail, read};
 
@@ -19,18 +18,20 @@ use super::results::{Line, Part, TRACES, Tail, read};
 const MOST_LISTED: usize = 20;
 /// Most cases that were different when they were played again, of which both results are shown.
 const MOST_DIFFERENT: usize = 100;
+/// Digits of a digest that are shown.
+const DIGITS: usize = 16;
 
 /// Everything that is known of a campaign.
 pub(super) struct Merged {
-    plan: Plan,
+    pub(super) plan: Plan,
     /// File that the plan is from.
     first: String,
     /// By the place of the case.
     cases: Vec<Option<Known>>,
     /// The first cases of each failure, with the reason of each.
     failures: IndexMap<(Verdict, String), BTreeMap<usize, String>>,
-    /// Places of cases whose results differed, with both results.
-    different: BTreeMap<usize, Vec<Line>>,
+    /// By the places of cases whose results differed, both of them.
+    different: BTreeMap<usize, [String; 2]>,
     /// Why this is no whole campaign.
     pub(super) refused: Vec<String>,
     /// Files that end too early; they matter if results are missing.
@@ -45,30 +46,32 @@ struct Known {
     failure: Option<u32>,
     /// Of all that is the same each time.
     digest: u64,
+    /// The first digits of the digest of its trace.
+    trace: [u8; DIGITS],
 }
 
 impl Merged {
-    /// Reads all files; `None` if there is no plan in them.
-    pub(super) fn read(paths: &[PathBuf]) -> Option<Self> {
+    /// Reads all files, or of those of other shards than `only` the plan; `None` if there is no plan in
+    /// them.
+    pub(super) fn read(paths: &[PathBuf], only: Option<u32>) -> Option<Self> {
         let mut merged: Option<Self> = None;
         let (mut refused, mut torn) = (Vec::new(), Vec::new());
         for path in paths {
             let shown = visible::name(path);
             let mut shard = 0;
             let tail = read(path, |part| {
-                match (part, &mut merged) {
-                    (Part::Header(header), Some(merged)) => {
-                        shard = header.shard;
-                        return Ok(merged.has_plan(&shown, &header.plan));
+                let (header, merged) = match (part, &mut merged) {
+                    (Part::Line(line), Some(merged)) => {
+                        merged.take(&shown, shard, line);
+                        return Ok(true);
                     }
-                    (Part::Header(header), none) => {
-                        shard = header.shard;
-                        *none = Some(Self::new(&shown, header.plan));
-                    }
-                    (Part::Line(line), Some(merged)) => merged.take(&shown, shard, line),
-                    (Part::Line(_), None) => {}
-                }
-                Ok(true)
+                    (Part::Line(_), None) => return Ok(true),
+                    (Part::Header(header), merged) => (header, merged),
+                };
+                shard = header.shard;
+                let merged = merged.get_or_insert_with(|| Self::new(&shown, header.plan.clone()));
+                let is_wanted = only.is_none_or(|only| only == shard);
+                Ok(merged.has_plan(&shown, &header.plan) && is_wanted)
             });
             match tail {
                 Ok(Tail::Whole) => {}
@@ -81,9 +84,6 @@ impl Merged {
         let mut merged = merged?;
         merged.refused.extend(refused);
         merged.torn = torn;
-        if !merged.different.is_empty() {
-            paths.iter().for_each(|path| merged.reread_different(path));
-        }
         Some(merged)
     }
 
@@ -125,121 +125,142 @@ impl Merged {
             }
             return;
         };
-        let mut hasher = SipHasher13::new();
-        hasher.write(line.repeatable().as_bytes());
-        let digest = hasher.finish();
-        if let Some(known) = self.cases[place] {
-            let both = known.verdict < Verdict::Error && line.is_verdict();
-            if both && known.digest != digest && self.different.len() < MOST_DIFFERENT {
-                self.different.entry(place).or_default();
+        let known = self.known(place, line);
+        if let Some(other) = self.cases[place] {
+            let both = other.verdict < Verdict::Error && known.verdict < Verdict::Error;
+            if both && other.digest != known.digest && self.different.len() < MOST_DIFFERENT {
+                let shown = [other, known].map(|one| self.shown(one));
+                self.different.insert(place, shown);
             }
             // An error of the machine gives way to a verdict, a verdict to a worse one.
             let is_better = match both {
-                true => line.verdict > known.verdict,
-                false => line.is_verdict(),
+                true => known.verdict > other.verdict,
+                false => known.verdict < Verdict::Error,
             };
             if !is_better {
                 return;
             }
         }
+        self.cases[place] = Some(known);
+    }
+
+    /// Returns the verdicts of all cases that have one.
+    pub(super) fn verdicts(&self) -> Vec<Option<Verdict>> {
+        let verdicts = self.cases.iter().map(|known| Some(known.as_ref()?.verdict));
+        let is_verdict = |verdict: &Verdict| *verdict < Verdict::Error;
+        verdicts.map(|verdict| verdict.filter(is_verdict)).collect()
+    }
+
+    /// What is kept of a line.
+    fn known(&mut self, place: usize, line: Line) -> Known {
+        let mut hasher = SipHasher13::new();
+        hasher.write(line.repeatable().as_bytes());
+        let mut trace = [b'-'; DIGITS];
+        let digits = line.trace.iter().flat_map(|trace| trace.bytes());
+        trace
+            .iter_mut()
+            .zip(digits)
+            .for_each(|(to, digit)| *to = digit);
         let failed = matches!(line.verdict, Verdict::Failed | Verdict::Error);
         let failure = line.signature.filter(|_| failed).and_then(|signature| {
             let entry = self.failures.entry((line.verdict, signature));
             let index = entry.index();
             let first = entry.or_default();
             first.insert(place, line.reason.unwrap_or_default());
-            // One more than is shown, since another result may take the place of one.
+            // More than are shown, since another result may take the place of one.
             if first.len() > 2 * TRACES {
                 first.pop_last();
             }
             u32::try_from(index).ok()
         });
-        self.cases[place] = Some(Known {
+        Known {
             verdict: line.verdict,
             failure,
-            digest,
-        });
+            digest: hasher.finish(),
+            trace,
+        }
     }
 
-    /// Reads both results of what differed.
-    fn reread_different(&mut self, path: &Path) {
-        let take = |part| {
-            if let Part::Line(line) = part
-                && let Some(place) = self.plan.place(line.file, line.repeat)
-                && let Some(lines) = self.different.get_mut(&place)
-                && lines
-                    .iter()
-                    .all(|known: &Line| known.repeatable() != line.repeatable())
-            {
-                lines.push(line);
-            }
-            Ok(true)
-        };
-        // What cannot be read has been refused already.
-        let _ = read(path, take);
+    /// A result in words.
+    fn shown(&self, known: Known) -> String {
+        let failure = known
+            .failure
+            .and_then(|number| self.failures.get_index(number as usize));
+        let failure = failure.map_or("nothing failed", |((_, signature), _)| signature);
+        let (word, trace) = (known.verdict.word(), String::from_utf8_lossy(&known.trace));
+        format!("{word}: {failure}; digest of the trace {trace}…")
     }
 
-    /// Places of cases without a result.
-    pub(super) fn missing(&self) -> Vec<usize> {
-        let cases = self.cases.iter().enumerate();
-        let missing = cases.filter(|(_, known)| known.is_none());
-        missing.map(|(place, _)| place).collect()
-    }
-
-    /// The missing cases, a line for each shard.
-    pub(super) fn missing_by_shard(&self, missing: &[usize]) -> Vec<String> {
+    /// The missing cases, by shard; adds how many there are to `count`.
+    fn missing(&self, count: &mut usize) -> Vec<Finding<'_>> {
         let mut shards: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-        for place in missing {
-            let owner = self.plan.owner(*place);
-            shards.entry(owner).or_default().push(*place);
+        for (place, _) in self
+            .cases
+            .iter()
+            .enumerate()
+            .filter(|(_, known)| known.is_none())
+        {
+            *count += 1;
+            shards
+                .entry(self.plan.owner(place))
+                .or_default()
+                .push(place);
         }
-        let line = |(shard, places): (&u32, &Vec<usize>)| {
-            let names = places.iter().take(3).map(|place| self.plan.name(*place));
-            let names: Vec<String> = names.collect();
-            let more = if places.len() > names.len() {
-                ", …"
-            } else {
-                ""
-            };
-            let count = match places.len() {
-                1 => "1 case is".to_owned(),
-                count => format!("{count} cases are"),
-            };
-            let (of, names) = (self.plan.shards, names.join(", "));
-            format!("shard {shard}/{of}: {count} missing: {names}{more}")
+        let (of, all) = (self.plan.shards, shards.len());
+        let shard = |(shard, places): (u32, Vec<usize>)| {
+            let names = places.iter().take(3).map(|place| self.plan.case(*place).0);
+            let names = names.collect::<Vec<_>>().join(", ");
+            let what = format!("shard {shard}/{of}: {} missing, as {names}", places.len());
+            finding("missing", Verdict::Error, what, places.len())
         };
-        let mut lines: Vec<String> = shards.iter().take(MOST_LISTED).map(line).collect();
-        if let Some(more) = shards.len().checked_sub(MOST_LISTED + 1) {
-            lines.push(format!("and cases of {} more shards", more + 1));
+        let mut findings: Vec<_> = shards.into_iter().take(MOST_LISTED).map(shard).collect();
+        if let Some(more @ 1..) = all.checked_sub(MOST_LISTED) {
+            let what = format!("cases of {more} more shards");
+            findings.push(finding("missing", Verdict::Error, what, *count));
         }
-        lines
+        findings
     }
 
-    /// Everything that is shown, where so many cases are missing.
-    pub(super) fn summary(&self, missing: usize) -> Summary<'_> {
+    /// Everything that is shown.
+    pub(super) fn summary(&self) -> Summary<'_> {
         let plan = &self.plan;
-        let repeat = plan.repeat as usize;
-        let different = self.different.iter().map(|(place, results)| Different {
-            file: place / repeat,
-            name: plan.name(*place),
-            command: plan.command(*place),
-            results,
+        let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
+        for failure in self
+            .cases
+            .iter()
+            .flatten()
+            .filter_map(|known| known.failure)
+        {
+            *counts.entry(failure).or_default() += 1;
+        }
+        let failures = counts.into_iter();
+        let mut findings: Vec<Finding<'_>> = failures
+            .filter_map(|(number, count)| self.failure(number, count))
+            .collect();
+        findings.sort_by(|one, other| {
+            let by_count = other.count.cmp(&one.count);
+            by_count.then_with(|| one.what.cmp(&other.what))
         });
-        let files = plan.files.iter().enumerate().map(|(number, file)| {
-            let (verdicts, failures) = self.tally(number * repeat..(number + 1) * repeat);
-            let parameters = file.parameters.iter();
-            FileSummary {
-                name: file.name(),
-                file: &file.file,
-                parameters: parameters
-                    .map(|(name, value)| (&**name, &**value))
+        findings.extend(self.different.iter().map(|(place, results)| {
+            Finding {
+                cases: results
+                    .iter()
+                    .map(|reason| self.example(*place, reason))
                     .collect(),
-                title: &file.title,
-                verdicts,
-                failures,
+                ..finding("not repeatable", Verdict::Failed, plan.case(*place).0, 1)
             }
+        }));
+        let mut missing = 0;
+        findings.extend(self.missing(&mut missing));
+        let files = plan
+            .files
+            .iter()
+            .zip(self.cases.chunks(plan.repeat.max(1) as usize));
+        let files = files.map(|(file, cases)| FileSummary {
+            name: &file.name,
+            title: &file.title,
+            verdicts: tally(cases),
         });
-        let (verdicts, failures) = self.tally(0..self.cases.len());
         Summary {
             sim_merge: 1,
             program: &plan.program,
@@ -247,49 +268,52 @@ impl Merged {
             repeat: plan.repeat,
             cases: plan.cases(),
             missing,
-            verdicts,
-            failures,
-            not_repeatable: different.collect(),
+            not_repeatable: self.different.len(),
+            verdicts: tally(&self.cases),
+            findings,
             files: files.collect(),
         }
     }
 
-    /// Counts the cases at these places, and their failures, the most frequent first.
-    fn tally(&self, places: Range<usize>) -> (Verdicts, Vec<Signature<'_>>) {
-        let mut verdicts = BTreeMap::from(VERDICTS.map(|verdict| (verdict, 0)));
-        let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
-        for known in self.cases[places.clone()].iter().flatten() {
-            if let Some(count) = verdicts.get_mut(&known.verdict) {
-                *count += 1;
-            }
-            if let Some(failure) = known.failure {
-                *counts.entry(failure).or_default() += 1;
-            }
-        }
-        let failure = |(number, count): (u32, usize)| {
-            let ((verdict, signature), first) = self.failures.get_index(number as usize)?;
-            let has = |place: &usize| {
-                self.cases[*place].is_some_and(|known| known.failure == Some(number))
-            };
-            let first = first.range(places.clone()).filter(|(place, _)| has(place));
-            let first = first.take(TRACES).map(|(place, reason)| Example {
-                name: self.plan.name(*place),
-                seed: self.plan.at(*place).1,
-                reason,
-                command: self.plan.command(*place),
-            });
-            Some(Signature {
-                verdict: *verdict,
-                signature,
-                count,
-                first: first.collect(),
-            })
-        };
-        let mut failures: Vec<_> = counts.into_iter().filter_map(failure).collect();
-        failures.sort_by(|one, other| {
-            let by_count = other.count.cmp(&one.count);
-            by_count.then_with(|| one.signature.cmp(other.signature))
-        });
-        (verdicts, failures)
+    /// A failure that so many cases have.
+    fn failure(&self, number: u32, count: usize) -> Option<Finding<'_>> {
+        let ((verdict, signature), first) = self.failures.get_index(number as usize)?;
+        let has =
+            |place: &usize| self.cases[*place].is_some_and(|known| known.failure == Some(number));
+        let first = first.iter().filter(|(place, _)| has(place)).take(TRACES);
+        Some(Finding {
+            cases: first
+                .map(|(place, reason)| self.example(*place, reason))
+                .collect(),
+            ..finding(verdict.word(), *verdict, signature.clone(), count)
+        })
     }
+
+    fn example<'a>(&self, place: usize, reason: &'a str) -> Example<'a> {
+        let (name, command) = self.plan.case(place);
+        Example {
+            name,
+            reason,
+            command,
+        }
+    }
+}
+
+fn finding(kind: &'static str, verdict: Verdict, what: String, count: usize) -> Finding<'static> {
+    Finding {
+        verdict,
+        kind,
+        what,
+        count,
+        cases: Vec::new(),
+    }
+}
+
+/// Counts cases by verdict.
+fn tally(cases: &[Option<Known>]) -> Verdicts {
+    let mut verdicts = BTreeMap::from(VERDICTS.map(|verdict| (verdict, 0)));
+    for known in cases.iter().flatten() {
+        *verdicts.entry(known.verdict).or_default() += 1;
+    }
+    verdicts
 }

@@ -16,9 +16,6 @@ use crate::visible;
 use crate::args::Shard;
 use crate::run::case::Case;
 
-/// Version of the form of results.
-const FORMAT: u32 = 1;
-
 /// Most bytes of a file of the client that are looked at.
 const MOST_CLIENT: u64 = 64 << 20;
 
@@ -28,7 +25,6 @@ pub(crate) const MOST_CASES: usize = 10_000_000;
 /// Everything that decides what is played.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Plan {
-    pub(crate) format: u32,
     /// Version of the program.
     pub(crate) program: String,
     /// Number of shards.
@@ -47,9 +43,8 @@ pub(crate) struct Plan {
 /// A scenario file with one combination of its parameters.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct PlannedFile {
-    /// Path of the file, as it was given.
-    pub(crate) file: String,
-    pub(crate) parameters: Vec<(String, String)>,
+    /// Its path, as it was given, and its parameters.
+    pub(crate) name: String,
     /// Seed of the first time.
     pub(crate) seed: u64,
     /// Digest of the files and settings that it is played with.
@@ -72,8 +67,7 @@ impl Plan {
                 command.strip_prefix(&again).unwrap_or(&command).to_owned()
             };
             Ok(PlannedFile {
-                file: visible::name(&first.loaded.path),
-                parameters: first.loaded.parameters.clone(),
+                name: first.loaded.name(),
                 seed: first.seed,
                 digest: digest(first.loaded, first.is_live())?,
                 title: first.loaded.scenario.title.clone(),
@@ -81,7 +75,6 @@ impl Plan {
             })
         });
         Ok(Self {
-            format: FORMAT,
             program: env!("CARGO_PKG_VERSION").to_owned(),
             shards: shard.of,
             repeat: args.map_or(1, |args| args.repeat),
@@ -116,80 +109,48 @@ impl Plan {
     /// Number of the shard that has the case at a place.
     pub(crate) fn owner(&self, place: usize) -> u32 {
         let (file, seed) = self.at(place);
-        Shard::owner(self.shards, &file.file, &file.parameters, &self.set, seed)
+        Shard::owner(self.shards, &file.name, &self.set, seed)
     }
 
-    /// Name of the case at a place, as `sim run` prints it.
-    pub(crate) fn name(&self, place: usize) -> String {
+    /// Name of the case at a place, as `sim run` prints it, and the command that plays it again.
+    pub(crate) fn case(&self, place: usize) -> (String, String) {
         let (file, seed) = self.at(place);
-        let name = file.name();
-        match self.repeat {
-            1 => name,
-            _ => format!("{name} #{}", seed.wrapping_sub(file.seed) + 1),
-        }
-    }
-
-    /// Command that plays the case at a place again.
-    pub(crate) fn command(&self, place: usize) -> String {
-        let (file, seed) = self.at(place);
-        let [first, others] = &file.commands;
-        let command = if seed == file.seed { first } else { others };
-        format!("sim run --seed {seed} {command}")
-    }
-
-    /// All that plans can differ in: a name and a value, which is not shown if it is a digest.
-    fn parts(&self) -> impl Iterator<Item = (String, String)> {
-        let head = [
-            ("the version of sim", self.program.clone()),
-            ("the number of shards", self.shards.to_string()),
-            ("--repeat", self.repeat.to_string()),
-            ("the client", self.client.join(" ")),
-            (
-                "a file of the client has changed",
-                self.client_files.join(" "),
-            ),
-            ("the number of files", self.files.len().to_string()),
-        ];
-        let files = self.files.iter().flat_map(|file| {
-            let name = file.name();
-            let changed = format!("{name}, its base or world, or the settings have changed");
-            [
-                ("the files".to_owned(), name),
-                ("the seed".to_owned(), file.seed.to_string()),
-                (changed, file.digest.clone()),
-                ("the flags".to_owned(), file.commands[0].clone()),
-            ]
-        });
-        head.map(|(what, value)| (what.to_owned(), value))
-            .into_iter()
-            .chain(files)
+        let number = seed.wrapping_sub(file.seed);
+        let name = match self.repeat {
+            1 => file.name.clone(),
+            _ => format!("{} #{}", file.name, number + 1),
+        };
+        let command = &file.commands[usize::from(number > 0)];
+        (name, format!("sim run --seed {seed} {command}"))
     }
 
     /// Returns what makes another plan of `other`, in words; `None` if nothing does.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
-        if self == other {
-            return None;
+        let head = |plan: &Self| {
+            [
+                ("the version of sim", plan.program.clone()),
+                ("the number of shards", plan.shards.to_string()),
+                ("--repeat", plan.repeat.to_string()),
+                ("--set", plan.set.join(" ")),
+                ("the client", plan.client.join(" ")),
+                (
+                    "the digests of the client's files",
+                    plan.client_files.join(" "),
+                ),
+                ("the number of files", plan.files.len().to_string()),
+            ]
+        };
+        let mut parts = head(self).into_iter().zip(head(other));
+        if let Some(((what, ours), (_, theirs))) = parts.find(|(ours, theirs)| ours != theirs) {
+            let [ours, theirs] = [&ours, &theirs].map(|value| visible::line(value));
+            return Some(format!("{what}: {ours} and {theirs}"));
         }
-        let mut pairs = self.parts().zip(other.parts());
-        let first = pairs.find(|((_, ours), (_, theirs))| ours != theirs);
-        Some(match first {
-            Some(((what, _), _)) if what.ends_with("changed") => what,
-            Some(((what, ours), (_, theirs))) => {
-                let [ours, theirs] = [&ours, &theirs].map(|value| visible::line(value));
-                format!("{what}: {ours} and {theirs}")
-            }
-            None => "their form".to_owned(),
-        })
-    }
-}
-
-impl PlannedFile {
-    pub(crate) fn name(&self) -> String {
-        let given = self
-            .parameters
-            .iter()
-            .map(|(name, value)| format!(" {name}={value}"));
-        format!("{}{}", self.file, visible::line(&given.collect::<String>()))
+        let mut files = self.files.iter().zip(&other.files);
+        let (ours, _) = files.find(|(ours, theirs)| ours != theirs)?;
+        let name = &ours.name;
+        Some(format!(
+            "{name}, its base or world, its seed, or the settings or flags"
+        ))
     }
 }
 
@@ -211,11 +172,8 @@ fn digest(loaded: &Loaded, live: bool) -> Result<String, Failure> {
 fn file_digest(path: &Path) -> Option<String> {
     let size = fs::metadata(path).ok().filter(fs::Metadata::is_file)?.len();
     let mut bytes = Vec::new();
-    File::open(path)
-        .ok()?
-        .take(MOST_CLIENT)
-        .read_to_end(&mut bytes)
-        .ok()?;
+    let file = File::open(path).ok()?;
+    file.take(MOST_CLIENT).read_to_end(&mut bytes).ok()?;
     let mut hasher = SipHasher13::new();
     hasher.write_u64(size);
     hasher.write(&bytes);

@@ -40,7 +40,6 @@ const ENDING: &str = ".jsonl.gz";
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Header {
     pub(crate) shard: u32,
-    pub(crate) attempt: u32,
     pub(crate) plan: Plan,
 }
 
@@ -79,11 +78,6 @@ impl Line {
         same.took_s = 0.0;
         serde_json::to_string(&same).unwrap_or_default()
     }
-
-    /// Returns whether it is a verdict, and not an error of the machine.
-    pub(crate) fn is_verdict(&self) -> bool {
-        self.verdict < Verdict::Error
-    }
 }
 
 /// Results that are being written.
@@ -100,51 +94,16 @@ pub(crate) struct Results {
 }
 
 impl Results {
-    /// Begins a new attempt in a folder. Returns also which cases of the plan are known already.
+    /// Begins a new attempt in a folder.
     ///
     /// # Errors
-    /// When the folder has results of another plan, or cannot be written.
-    pub(crate) fn begin(
-        folder: &Path,
-        shard: Shard,
-        plan: &Plan,
-    ) -> Result<(Self, Vec<bool>), Failure> {
+    /// When it cannot be written.
+    pub(crate) fn begin(folder: &Path, shard: Shard, plan: &Plan) -> Result<Self, Failure> {
         let cannot = || format!("cannot keep results in {}", visible::name(folder));
         fs::create_dir_all(folder)
             .with_context(cannot)
             .map_err(Failure::usage)?;
-        let mut known = vec![false; plan.cases()];
-        let mut failures = BTreeMap::new();
-        for path in files(folder).with_context(cannot).map_err(Failure::usage)? {
-            let take = |part| match part {
-                Part::Header(header) => match plan.difference(&header.plan) {
-                    Some(what) => Err(anyhow!(
-                        "{} has results of another plan, in {}. They differ in {what}. Take an empty \
-                         folder, or remove this one",
-                        visible::name(folder),
-                        visible::name(&path)
-                    )),
-                    None => Ok(header.shard == shard.index),
-                },
-                Part::Line(line) => {
-                    let place = plan
-                        .place(line.file, line.repeat)
-                        .filter(|_| line.is_verdict());
-                    if let Some(place) = place.filter(|place| !known[*place]) {
-                        known[place] = true;
-                        if let Some(signature) =
-                            line.signature.filter(|_| line.verdict == Verdict::Failed)
-                        {
-                            *failures.entry(signature).or_default() += 1;
-                        }
-                    }
-                    Ok(true)
-                }
-            };
-            // A file that ends before its first line has nothing to be taken over.
-            read(&path, take).map_err(Failure::usage)?;
-        }
-        let (path, file, attempt) = create(folder, shard)
+        let (path, file) = create(folder, shard)
             .with_context(cannot)
             .map_err(Failure::usage)?;
         let mut results = Self {
@@ -153,7 +112,7 @@ impl Results {
             file,
             pending: Vec::new(),
             flushed: Instant::now(),
-            failures,
+            failures: BTreeMap::new(),
             scratch: tempfile::Builder::new()
                 .prefix("sim-results-")
                 .tempdir()
@@ -162,12 +121,11 @@ impl Results {
         };
         let header = Header {
             shard: shard.index,
-            attempt,
             plan: plan.clone(),
         };
         results.add(&header)?;
         results.flush()?;
-        Ok((results, known))
+        Ok(results)
     }
 
     /// Folder for traces until it is known whether they are kept.
@@ -274,7 +232,7 @@ impl Results {
 }
 
 /// Makes the file of the next attempt; none is ever written over.
-fn create(folder: &Path, shard: Shard) -> io::Result<(PathBuf, File, u32)> {
+fn create(folder: &Path, shard: Shard) -> io::Result<(PathBuf, File)> {
     for attempt in 1..=MOST_ATTEMPTS {
         let name = format!(
             "shard-{}-of-{}.attempt-{attempt}{ENDING}",
@@ -282,7 +240,7 @@ fn create(folder: &Path, shard: Shard) -> io::Result<(PathBuf, File, u32)> {
         );
         let path = folder.join(name);
         match OpenOptions::new().write(true).create_new(true).open(&path) {
-            Ok(file) => return Ok((path, file, attempt)),
+            Ok(file) => return Ok((path, file)),
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),
         }

@@ -1,3 +1,4 @@
+use super::super::resume;
 use super::*;
 
 #[test]
@@ -10,7 +11,6 @@ fn a_signature_has_no_values() {
 
 fn plan() -> Plan {
     Plan {
-        format: 1,
         program: "x".to_owned(),
         shards: 1,
         repeat: 1000,
@@ -18,8 +18,7 @@ fn plan() -> Plan {
         client_files: Vec::new(),
         set: Vec::new(),
         files: vec![crate::run::campaign::plan::PlannedFile {
-            file: "a.toml".to_owned(),
-            parameters: Vec::new(),
+            name: "a.toml".to_owned(),
             seed: 1,
             digest: String::new(),
             title: "A".to_owned(),
@@ -47,8 +46,8 @@ fn line(repeat: u32) -> Line {
 #[test]
 fn every_prefix_can_be_read_and_attempts_never_overwrite_one_another() {
     let folder = tempfile::tempdir().unwrap();
-    let (mut results, known) = Results::begin(folder.path(), Shard::WHOLE, &plan()).unwrap();
-    assert_eq!(known, vec![false; 1000]);
+    let (mut results, known) = resume(folder.path(), Shard::WHOLE, &plan()).unwrap();
+    assert_eq!(known, vec![None; 1000]);
     for repeat in 0..1000 {
         results.add(&line(repeat)).unwrap();
         if repeat % 100 == 99 {
@@ -79,8 +78,8 @@ fn every_prefix_can_be_read_and_attempts_never_overwrite_one_another() {
     }
     assert_eq!(most, 1000);
     drop(results);
-    let (_, known) = Results::begin(folder.path(), Shard::WHOLE, &plan()).unwrap();
-    assert_eq!(known, vec![true; 1000]);
+    let (_, known) = resume(folder.path(), Shard::WHOLE, &plan()).unwrap();
+    assert_eq!(known, vec![Some(Verdict::Passed); 1000]);
     assert_eq!(fs::read(&path).unwrap(), whole);
     assert_eq!(files(folder.path()).unwrap().len(), 2);
 }
