@@ -33,7 +33,7 @@ pub(crate) use hunt::{HuntArgs, StageArg};
 pub(crate) use merge::MergeArgs;
 pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg};
 pub(crate) use serve::ServeArgs;
-pub(crate) use shard::{Shard, ShardArg};
+pub(crate) use shard::Shard;
 pub(crate) use vehicle::TapArgs;
 
 const EXAMPLES: &str = "\

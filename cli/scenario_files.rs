@@ -12,7 +12,7 @@ use anyhow::{Context as _, anyhow};
 use rigsim_core::settings::SimSettings;
 use rigsim_runner::scenario::{ScenarioFiles, is_scenario_file};
 use rigsim_runner::{RigPlan, Run, RunOptions, Scenario};
-use rigsim_settings::{Settings as _, Source};
+use rigsim_settings::Source;
 
 use crate::args::GivenArgs;
 use crate::config;
@@ -104,11 +104,8 @@ impl Loaded {
         let rig = &self.scenario.rig;
         let world = self.world.as_ref();
         let world = world.map(|(file, _)| line("world", Path::new(file)));
-        let settings = rig.settings.entries().into_iter();
-        let changed = settings.filter(|entry| entry.value != entry.default);
-        let changed: String = changed
-            .map(|entry| format!("settings.{} = {}\n", entry.key, entry.value))
-            .collect();
+        let changed = config::changed(&rig.settings).into_iter();
+        let changed: String = changed.map(|line| format!("settings.{line}\n")).collect();
         format!("{}{changed}{}", world.unwrap_or_default(), rig.to_toml())
     }
 

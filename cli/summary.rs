@@ -7,6 +7,7 @@ use rigsim_core::report::{Report, Tally};
 use rigsim_core::rig::PortId;
 use rigsim_pty::Counters;
 use rigsim_runner::Run;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 /// For people; the counters are those of all ports.
@@ -120,14 +121,9 @@ pub(crate) fn json(run: &Run, counters: &[(PortId, Counters)]) -> Value {
         })
     };
     let devices = reports(run).map(|(device, name, report)| {
-        json!({
-            "device": name,
-            "requests": report.requests,
-            "replies": report.replies,
-            "distance_m": run.rig().distance_m(device),
-            "events": events_json(report),
-            "ports": ports_of(counters, device).map(port).collect::<Vec<_>>(),
-        })
+        let mut value = device_json(name, report, run.rig().distance_m(device));
+        value["ports"] = ports_of(counters, device).map(port).collect();
+        value
     });
     json!({
         "code": "summary",
@@ -138,20 +134,36 @@ pub(crate) fn json(run: &Run, counters: &[(PortId, Counters)]) -> Value {
     })
 }
 
-/// Counted events for programs.
-pub(crate) fn events_json(report: &Report) -> Vec<Value> {
-    let events = report.events.iter();
-    events
-        .map(|(code, tally)| {
-            json!({
-                "code": code,
-                "count": tally.count,
-                "first_s": tally.first_at.as_secs_f64(),
-                "first": tally.first,
-                "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
-                "client_faults": tally.client_errors,
-                "lost_bytes": tally.lost_bytes,
-            })
-        })
-        .collect()
+/// Counts of a device for programs.
+pub(crate) fn device_json(name: &str, report: &Report, distance_m: f64) -> Value {
+    let event = |(code, tally): (_, &Tally)| {
+        let mut value = tally_json(code, tally, tally.count);
+        value["client_faults"] = json!(tally.client_errors);
+        value["lost_bytes"] = json!(tally.lost_bytes);
+        value
+    };
+    json!({
+        "device": name,
+        "requests": report.requests,
+        "replies": report.replies,
+        "distance_m": distance_m,
+        "events": report.events.iter().map(event).collect::<Vec<_>>(),
+    })
+}
+
+/// What a client has done that is forbidden or risky, for programs.
+pub(crate) fn client_report(report: &Report) -> impl Iterator<Item = Value> {
+    let errors = report.client_errors();
+    errors.map(|(code, tally)| tally_json(code, tally, tally.client_errors))
+}
+
+/// Events of one kind, of which these count.
+fn tally_json(code: impl Serialize, tally: &Tally, count: u64) -> Value {
+    json!({
+        "code": code,
+        "count": count,
+        "first_s": tally.first_at.as_secs_f64(),
+        "first": tally.first,
+        "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
+    })
 }

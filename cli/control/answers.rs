@@ -14,6 +14,7 @@ use rigsim_runner::{Run, Scenario};
 use serde_json::{Map, Value, json};
 
 use super::ask::TimeChange;
+use crate::summary::client_report;
 
 /// Corners of what is round.
 const CORNERS: u32 = 24;
@@ -98,14 +99,6 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
         .enumerate()
         .map(|(index, ((plan, report), (_, [length, width])))| {
             let own = ports.iter().filter(|port| port.link.id.device == index);
-            let client_report = report.client_errors().map(|(code, tally)| {
-                json!({
-                    "code": code,
-                    "count": tally.client_errors,
-                    "first": tally.first,
-                    "first_s": tally.first_at.as_secs_f64(),
-                })
-            });
             let drawing = drawing(run.rig(), index);
             let wheels = drawing.wheels.iter().map(|wheel| {
                 json!({
@@ -134,7 +127,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
                 "sensors": sensors.collect::<Vec<_>>(),
                 "requests": report.requests,
                 "replies": report.replies,
-                "report": client_report.collect::<Vec<_>>(),
+                "report": client_report(report).collect::<Vec<_>>(),
             })
         });
     devices.collect()

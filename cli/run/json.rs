@@ -1,12 +1,11 @@
 //! Outcomes as JSON: the report of a scenario, and the verdict of one that was served.
 
 use anyhow::Context as _;
-use rigsim_core::event::Hex;
 use rigsim_runner::Scenario;
 use serde_json::{Value, json};
 
 use crate::exit::Failure;
-use crate::summary::events_json;
+use crate::summary::{client_report, device_json};
 use crate::supervise::ClientEnd;
 use crate::visible;
 
@@ -33,15 +32,9 @@ pub(crate) fn write(case: &Case<'_>, result: &CaseResult) -> Result<(), Failure>
     let trace = case.file("trace.jsonl");
     report["trace"] = json!(trace.map(|path| visible::path_value(&path)));
     report["client"] = client(case, played);
-    let devices = played.outcome.devices.iter().map(|device| {
-        json!({
-            "device": device.name,
-            "requests": device.report.requests,
-            "replies": device.report.replies,
-            "distance_m": device.distance_m,
-            "events": events_json(&device.report),
-        })
-    });
+    let devices = played.outcome.devices.iter();
+    let devices =
+        devices.map(|device| device_json(&device.name, &device.report, device.distance_m));
     report["devices"] = devices.collect();
     file.write(format!("{report:#}\n").as_bytes())
         .with_context(|| format!("cannot write the report of {}", case.name()))
@@ -86,15 +79,9 @@ pub(crate) fn verdict(scenario: &Scenario, result: &CaseResult) -> Value {
     let outcome = &played.outcome;
     let devices = outcome.devices.iter();
     let report = devices.flat_map(|device| {
-        device.report.client_errors().map(|(code, tally)| {
-            json!({
-                "device": device.name,
-                "code": code,
-                "count": tally.client_errors,
-                "first_s": tally.first_at.as_secs_f64(),
-                "first": tally.first,
-                "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
-            })
+        client_report(&device.report).map(|mut error| {
+            error["device"] = json!(device.name);
+            error
         })
     });
     value["client_report"] = report.collect();

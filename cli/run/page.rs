@@ -10,7 +10,7 @@ mod plots;
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
@@ -141,36 +141,21 @@ impl Shown {
 
 /// What was played, and how, in words.
 fn about(args: &RunArgs) -> Vec<(&'static str, String)> {
-    let client = match args.client.is_empty() {
-        true => "the scripted ones".to_owned(),
-        false => visible::command(args.client.iter().map(OsString::as_os_str)),
+    let words: Vec<OsString> = std::env::args_os().skip(1).collect();
+    let command = visible::command(words.iter().map(OsString::as_os_str));
+    let time = match args.client.is_empty() {
+        true => "simulated, with scripted clients",
+        false => args.time.word(),
     };
-    let seed = args.seed.map(|seed| seed.to_string());
-    let date = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
-    let file = |path: &PathBuf| visible::name(path);
-    let files: Vec<String> = args.files.iter().map(file).collect();
-    let time = (!args.client.is_empty()).then(|| args.time.word().to_owned());
-    let all = [
-        ("Client", Some(client)),
-        ("Time", time),
-        ("Files", Some(files.join(" "))),
-        ("Job", args.given.job.as_ref().map(file)),
-        ("World", args.given.world.as_ref().map(file)),
-        ("Settings", Some(args.settings.set.join(" "))),
-        ("Parameters", Some(args.given.param.join(" "))),
-        ("Filter", args.filter.clone()),
-        ("Tags", Some(args.tag.join(" "))),
-        ("Seed", seed.or(Some("of each file, or random".to_owned()))),
-        ("Date", Some(date)),
+    vec![
+        ("Command", format!("sim {command}")),
+        ("Time", time.to_owned()),
         (
-            "Program",
-            Some(format!("sim {}", env!("CARGO_PKG_VERSION"))),
+            "Date",
+            humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
         ),
-    ];
-    let said = all
-        .into_iter()
-        .filter_map(|(name, value)| Some((name, value?)));
-    said.filter(|(_, value)| !value.is_empty()).collect()
+        ("Program", format!("sim {}", env!("CARGO_PKG_VERSION"))),
+    ]
 }
 
 /// A case in the table.

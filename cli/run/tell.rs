@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use rigsim_runner::Outcome;
 use rigsim_runner::run::{Context, Failure};
 use rigsim_settings::show_duration;
 
@@ -69,11 +70,7 @@ pub(crate) fn result(case: &Case<'_>, result: &CaseResult) -> String {
         return text;
     };
     let outcome = &played.outcome;
-    let (title, ended_at) = (
-        visible::line(&outcome.title),
-        outcome.ended_at.as_secs_f64(),
-    );
-    let _ = write!(text, ": {title} ({ended_at:.1} s simulated");
+    let _ = write!(text, ": {}", simulated(outcome));
     if case.is_live() {
         let (took, time) = (played.took.as_secs_f64(), case.time_word());
         let _ = write!(text, " in {took:.1} s, {time} time");
@@ -112,13 +109,17 @@ pub(crate) fn verdict(view: &View<'_>, result: &CaseResult) -> String {
     let Some(played) = &result.played else {
         return heading;
     };
-    let outcome = &played.outcome;
-    let (title, ended_at) = (
+    let (simulated, seed) = (simulated(&played.outcome), played.outcome.seed);
+    format!("{heading}: {simulated}, seed {seed})") + &body(view, result)
+}
+
+/// Title and time, with an open parenthesis.
+fn simulated(outcome: &Outcome) -> String {
+    let (title, time) = (
         visible::line(&outcome.title),
         outcome.ended_at.as_secs_f64(),
     );
-    let seed = outcome.seed;
-    format!("{heading}: {title} ({ended_at:.1} s simulated, seed {seed})") + &body(view, result)
+    format!("{title} ({time:.1} s simulated")
 }
 
 /// What is below the first line: failures with what was expected and what happened before, and notes.
