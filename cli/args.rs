@@ -34,7 +34,7 @@ pub(crate) use merge::MergeArgs;
 pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg};
 pub(crate) use serve::ServeArgs;
 pub(crate) use shard::Shard;
-pub(crate) use vehicle::TapArgs;
+pub(crate) use vehicle::{CompareArgs, FitArgs, TapArgs};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -232,6 +232,7 @@ fn command(devices: Devices) -> clap::Command {
             sub.mut_arg("device", |arg| arg.value_parser(kinds()))
         })
         .mut_subcommand("tap", |sub| sub.mut_arg("device", device))
+        .mut_subcommand("fit", |sub| sub.mut_arg("device", device))
         .mut_subcommand("names", |sub| sub.mut_arg("device", device))
         .mut_subcommand("schema", |sub| {
             let files = FileKind::value_variants().iter();
@@ -306,6 +307,11 @@ pub(crate) enum Command {
     Replay(ReplayArgs),
     /// Stand between your client and a real vehicle, and record what passes.
     Tap(TapArgs),
+    /// Compare a recording of a vehicle with the model: replies, fields, and which settings it supports
+    /// or contradicts.
+    Compare(CompareArgs),
+    /// Find the settings by which the model does what was recorded.
+    Fit(FitArgs),
     /// Observe and control a simulator that runs with --control.
     Ctl(CtlArgs),
     /// Serve agents: a server of the Model Context Protocol on standard input and output.

@@ -59,6 +59,8 @@ pub fn main(devices: Devices) -> ExitCode {
             Some(Command::Hunt(args)) => hunt::hunt(devices, args),
             Some(Command::Replay(args)) => start::replay(devices, args),
             Some(Command::Tap(args)) => vehicle::tap(devices, args),
+            Some(Command::Compare(args)) => vehicle::compare(devices, args),
+            Some(Command::Fit(args)) => vehicle::fit(devices, args),
             Some(Command::Mcp) => mcp::serve(devices),
             Some(Command::Trace(args)) => trace::trace(devices, args),
             Some(Command::Supervise { client }) => supervise::supervise(client),

@@ -1,8 +1,17 @@
 //! Work with a real vehicle.
 
 mod capture;
+mod compare;
+mod knob;
+mod model;
+mod page;
+mod plan;
+mod recording;
+mod report;
+mod search;
 mod tap;
 
+pub(crate) use compare::{compare, fit};
 pub(crate) use tap::tap;
 
 use anyhow::anyhow;
@@ -64,3 +73,6 @@ fn header(plan: &RigPlan) -> Header {
         world: None,
     }
 }
+
+#[cfg(test)]
+mod tests;

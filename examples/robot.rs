@@ -59,6 +59,7 @@ static ROBOT: DeviceSpec = DeviceSpec {
         read: |value, _| Ok(rigsim_settings::read::<Command>(value)?.message()),
         schema: |generator| vec![Command::json_schema(generator)],
         frames: |_, sender, _| Box::new(Lines(Vec::new(), sender)),
+        plan: "",
         chatters: false,
     },
     effects: &[effects::<RobotFault>()],
@@ -215,6 +216,7 @@ impl FrameReader for Lines {
         vec![Frame {
             bytes,
             command,
+            command_byte: None,
             message,
         }]
     }

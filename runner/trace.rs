@@ -28,4 +28,4 @@ mod replay;
 
 pub use crate::run::record::{FORMAT, Header, Hexed, MOST_BYTES, PortRecord, Record, TextRecord};
 pub use onlooker::Onlooker;
-pub use replay::{Difference, Replay, ReplayError};
+pub use replay::{Difference, Replay, ReplayError, Sent};

@@ -52,3 +52,70 @@ pub(crate) struct TapArgs {
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,
 }
+
+const COMPARE_EXAMPLES: &str = "\
+Examples:
+  sim compare drive.jsonl
+      Play what the client sent into the model, and print where the vehicle does something else.
+  sim compare drive.jsonl --config vehicle.toml --report page.html
+      The same with other settings, and a page with a plot of each field.
+
+Exit codes:
+  0  nothing documented is contradicted
+  1  something documented is, or a difference that no setting explains
+  2  usage or configuration: a flag or a file is wrong";
+
+/// Comparison of a recording with the model.
+#[derive(Debug, Args)]
+#[command(after_help = COMPARE_EXAMPLES)]
+pub(crate) struct CompareArgs {
+    /// A recording of `sim tap`, or a trace of `sim run` with a client.
+    pub(crate) trace: PathBuf,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    /// Judge only settings that begin so, as in r150.motor,r150.over_rate.
+    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    pub(crate) only: Vec<String>,
+    /// Write a page with plots.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// Print everything as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+const FIT_EXAMPLES: &str = "\
+Examples:
+  sim fit --plan
+      Print a drive of some minutes that makes many settings identifiable. docs/examples/identify.py
+      performs it.
+  sim fit drive.jsonl --output vehicle.toml
+      Find the settings by which the model does what was recorded.
+  sim --pty /tmp/r150 --config vehicle.toml
+      Serve an R150 with them.";
+
+/// Search for the settings of a recorded vehicle.
+#[derive(Debug, Args)]
+#[command(after_help = FIT_EXAMPLES)]
+pub(crate) struct FitArgs {
+    /// Recordings of `sim tap`, of the same vehicle.
+    #[arg(required_unless_present = "plan")]
+    pub(crate) traces: Vec<PathBuf>,
+    /// Where to write the settings that differ.
+    #[arg(long, value_name = "FILE", required_unless_present = "plan")]
+    pub(crate) output: Option<PathBuf>,
+    /// Print a drive that makes settings identifiable, instead.
+    #[arg(long, conflicts_with_all = ["traces", "output", "only"])]
+    pub(crate) plan: bool,
+    /// The kind of vehicle that the plan is for.
+    #[arg(long, requires = "plan")]
+    pub(crate) device: String,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    /// Search only among settings that begin so, as in r150.motor,r150.over_rate.
+    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    pub(crate) only: Vec<String>,
+    /// Print everything as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}

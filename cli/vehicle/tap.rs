@@ -39,6 +39,8 @@ const RETRY: Duration = Duration::from_millis(1);
 const LOOK: Duration = Duration::from_millis(20);
 /// Interval at which a vehicle that is gone is looked for.
 const SEARCH: Duration = Duration::from_millis(100);
+/// Delay of a wake-up from which on it is noted in the recording.
+const STALL: Duration = Duration::from_millis(20);
 /// Interval at which the recording is written out.
 const FLUSH: Duration = Duration::from_secs(1);
 
@@ -125,14 +127,20 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
             // The waiter would report the port that is not read at once.
             std::thread::sleep(RETRY);
         }
+        let ready = Instant::now();
         let wake = waiter.wait(timeout).map_err(Failure::system)?;
+        let late = ready
+            .elapsed()
+            .saturating_sub(timeout.unwrap_or(Duration::MAX));
         let is_over = wake.is_signalled();
+        let woken = Instant::now();
         for link in &mut links {
             if let Err(error) = link.pass(&mut waiter, &mut out) {
                 link.lose(&error, &mut out);
             }
             link.search(&mut waiter, &mut out)?;
         }
+        out.note_stall(late.max(woken.elapsed()));
         if is_over {
             break;
         }
@@ -184,6 +192,18 @@ impl Out {
     /// Time since the beginning, ns.
     fn now(&self) -> u64 {
         u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    }
+
+    /// Writes down that the machine gave no time for so long: what was dated then may be older.
+    fn note_stall(&mut self, late: Duration) {
+        if late > STALL {
+            let by = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
+            self.trace.record(&Record::Late {
+                t: self.now(),
+                by,
+                stood: 0,
+            });
+        }
     }
 
     fn event(&self, t: u64, kind: impl EventKind) {

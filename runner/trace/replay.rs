@@ -25,6 +25,9 @@ const MOST_APART: usize = 1 << 16;
 const SLICE: Duration = Duration::from_millis(500);
 const NANOSECOND: Duration = Duration::from_nanos(1);
 
+/// What devices sent at each port: bytes with their times, ns.
+pub type Sent = BTreeMap<PortId, VecDeque<(u64, u8)>>;
+
 /// A second run that is compared with the first as the trace is read.
 ///
 /// The recorded client's bytes are sent at their recorded times, and what the devices send has to
@@ -39,6 +42,8 @@ pub struct Replay<'o> {
     /// Time at which the client last did something.
     acted: u64,
     ended: bool,
+    /// Set if what the devices send is kept instead of compared.
+    keeps: bool,
 }
 
 #[derive(Default)]
@@ -138,15 +143,50 @@ impl<'o> Replay<'o> {
             let why = format!("format {} is not known; allowed: {FORMAT}", header.format);
             return Err(malformed(why));
         }
-        let run = start(devices, &header).map_err(malformed)?;
+        Self::of(devices, &header).map_err(malformed)
+    }
+
+    fn of(devices: Devices, header: &Header) -> Result<Self, String> {
         Ok(Self {
-            run,
+            run: start(devices, header)?,
             onlooker: None,
             streams: BTreeMap::new(),
             line: 1,
             acted: 0,
             ended: false,
+            keeps: false,
         })
+    }
+
+    /// The devices of a recording with this header.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn plan(devices: Devices, header: &Header) -> Result<RigPlan, String> {
+        scenario_of(devices, header).map(|scenario| scenario.rig)
+    }
+
+    /// Plays what clients and people did in a recording with this header, which may be another than
+    /// was recorded, until `end`; returns what the devices sent at each port, with times in ns.
+    ///
+    /// # Errors
+    /// What is wrong with the header or with a record.
+    pub fn play<'r>(
+        devices: Devices,
+        header: &Header,
+        records: impl IntoIterator<Item = &'r Record>,
+        end: SimTime,
+    ) -> Result<Sent, ReplayError> {
+        let malformed = |why| ReplayError::Malformed { line: 1, why };
+        let mut replay = Self::of(devices, header).map_err(malformed)?;
+        replay.keeps = true;
+        for record in records {
+            replay.line += 1;
+            replay.record(record.clone())?;
+        }
+        replay.advance(end)?;
+        let streams = replay.streams.into_iter();
+        Ok(streams.map(|(port, stream)| (port, stream.now)).collect())
     }
 
     /// The same with an onlooker from now on.
@@ -184,7 +224,10 @@ impl<'o> Replay<'o> {
         if line.trim().is_empty() {
             return Ok(());
         }
-        let record = read(line, self.line)?;
+        self.record(read(line, self.line)?)
+    }
+
+    fn record(&mut self, record: Record) -> Result<(), ReplayError> {
         if let Some(onlooker) = &mut self.onlooker {
             onlooker.record(&record);
         }
@@ -376,6 +419,9 @@ impl<'o> Replay<'o> {
 
     fn compare(&mut self) -> Result<(), ReplayError> {
         self.take_own()?;
+        if self.keeps {
+            return Ok(());
+        }
         for (port, stream) in &mut self.streams {
             while let (Some(recorded), Some(found)) = (
                 stream.recorded.front().copied(),
@@ -404,17 +450,34 @@ impl<'o> Replay<'o> {
 }
 
 fn start(devices: Devices, header: &Header) -> Result<Run, String> {
+    let scenario = scenario_of(devices, header)?;
+    let world = header.world.as_ref().map(source);
+    let options = RunOptions {
+        seed: header.seed,
+        wire: match (header.paced, header.adapters) {
+            (true, true) => Wire::Paced,
+            (true, false) => Wire::Bare,
+            (false, _) => Wire::Instant,
+        },
+        live: header.live,
+        trace: true,
+    };
+    Run::new(Arc::new(scenario), world, options).map_err(|error| error.to_string())
+}
+
+fn source(record: &TextRecord) -> Source<'_> {
+    Source {
+        file: &record.file,
+        text: &record.text,
+    }
+}
+
+fn scenario_of(devices: Devices, header: &Header) -> Result<Scenario, String> {
     let mut base = SimSettings::new(devices);
     load_toml(&header.settings, "settings of the trace", &mut base).map_err(|errors| {
         let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
         shorten(errors.join("; "))
     })?;
-    fn source(record: &TextRecord) -> Source<'_> {
-        Source {
-            file: &record.file,
-            text: &record.text,
-        }
-    }
     let first = Source {
         file: &header.file,
         text: &header.scenario,
@@ -432,19 +495,7 @@ fn start(devices: Devices, header: &Header) -> Result<Run, String> {
     } else {
         scenario::read(texts, &base)
     };
-    let scenario = scenario.map_err(|error| error.to_string())?;
-    let world = header.world.as_ref().map(source);
-    let options = RunOptions {
-        seed: header.seed,
-        wire: match (header.paced, header.adapters) {
-            (true, true) => Wire::Paced,
-            (true, false) => Wire::Bare,
-            (false, _) => Wire::Instant,
-        },
-        live: header.live,
-        trace: true,
-    };
-    Run::new(Arc::new(scenario), world, options).map_err(|error| error.to_string())
+    scenario.map_err(|error| error.to_string())
 }
 
 fn read(line: &str, number: usize) -> Result<Record, ReplayError> {

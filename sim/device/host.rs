@@ -17,6 +17,8 @@ pub struct HostSpec {
     pub schema: fn(&mut SchemaGenerator) -> Vec<Schema>,
     /// Finds the frames of one side among the bytes of a link.
     pub frames: fn(link: usize, Sender, &dyn DeviceSettings) -> Box<dyn FrameReader>,
+    /// A drive that makes its settings identifiable, as TOML; empty for none.
+    pub plan: &'static str,
     /// It sends by itself, so that not all it sends answers.
     pub chatters: bool,
 }
@@ -45,6 +47,8 @@ pub struct Frame {
     pub bytes: Vec<u8>,
     /// The command that it is or answers, if it says so.
     pub command: Option<u8>,
+    /// The command byte as it stands on the wire.
+    pub command_byte: Option<u8>,
     /// The message that it is, with the bytes of its fields; `None` for what no declaration fits.
     pub message: Option<(&'static MessageInfo, Vec<u8>)>,
 }
@@ -56,6 +60,7 @@ impl Frame {
         Self {
             bytes,
             command: None,
+            command_byte: None,
             message: None,
         }
     }

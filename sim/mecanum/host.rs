@@ -37,6 +37,7 @@ pub(super) const HOST: HostSpec = HostSpec {
             _ => Box::new(Lines(Vec::new(), sender)),
         }
     },
+    plan: "",
     chatters: true,
 };
 
@@ -89,6 +90,7 @@ impl<P: crate::message::Message + Send> FrameReader for Packets<P> {
                     Frame {
                         bytes,
                         command: None,
+                        command_byte: None,
                         message: Some((packet.info(), packet.payload())),
                     }
                 }
@@ -115,6 +117,7 @@ impl FrameReader for Lines {
         let report = Report::parse(&bytes).filter(|_| self.1 == Sender::Device);
         vec![Frame {
             command: None,
+            command_byte: None,
             message: report.map(|_| (&REPORTS[0], bytes.clone())),
             bytes,
         }]

@@ -25,6 +25,7 @@ pub(super) const HOST: HostSpec = HostSpec {
     },
     schema: |generator| vec![Request::json_schema(generator)],
     frames: |_, sender, _| Box::new(Reader(Decoder::new(PAUSE), sender)),
+    plan: include_str!("identify.toml"),
     chatters: false,
 };
 
@@ -65,6 +66,7 @@ fn read_frame(frame: &Frame, sender: Sender) -> Found {
     Found {
         bytes: frame.bytes().to_vec(),
         command: Some(found.map_or(frame.command(), |(command, _)| command)),
+        command_byte: Some(frame.command()),
         message: found.map(|(_, info)| (info, parameters.to_vec())),
     }
 }

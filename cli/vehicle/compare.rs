@@ -1,0 +1,110 @@
+//! The `compare` and `fit` subcommands: what a recording says of the model, and of its settings.
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use rigsim_core::device::Devices;
+
+use super::knob::Knob;
+use super::recording::Recording;
+use super::report::{MARK, Report};
+use super::search::{Findings, Search};
+use super::{page, plan};
+use crate::args::{CompareArgs, FitArgs, SettingsArgs};
+use crate::config;
+use crate::exit::{Exit, Failure};
+use crate::print::{OutputFile, print};
+
+/// The `compare` subcommand.
+pub(crate) fn compare(devices: Devices, args: &CompareArgs) -> Result<Exit, Failure> {
+    let page = args
+        .report
+        .as_deref()
+        .map(|path| OutputFile::find(path, crate::run::REPORT_MARKS));
+    let page = page.transpose()?;
+    let recordings = read(devices, std::slice::from_ref(&args.trace), &args.settings)?;
+    let (search, findings) = search(devices, &recordings, &args.settings, &args.only)?;
+    let report = Report::of(&search, &findings);
+    if let Some(page) = page {
+        page.write(&page::page(&report))?;
+    }
+    print(&match args.json {
+        true => serde_json::to_string_pretty(&report).map_err(Failure::system)?,
+        false => report.text(),
+    })?;
+    Ok(match report.is_as_documented {
+        true => Exit::Clean,
+        false => Exit::Failed,
+    })
+}
+
+/// The `fit` subcommand.
+pub(crate) fn fit(devices: Devices, args: &FitArgs) -> Result<Exit, Failure> {
+    if args.plan {
+        return print(&plan::show(devices, &args.device, args.json)?);
+    }
+    let output = args
+        .output
+        .as_deref()
+        .ok_or_else(|| Failure::usage(anyhow!("give --output")))?;
+    let output = OutputFile::find(output, &[MARK])?;
+    let recordings = read(devices, &args.traces, &args.settings)?;
+    let (search, findings) = search(devices, &recordings, &args.settings, &args.only)?;
+    let report = Report::of(&search, &findings);
+    output.write(&report.toml())?;
+    print(&match args.json {
+        true => serde_json::to_string_pretty(&report).map_err(Failure::system)?,
+        false => report.fit_text(),
+    })
+}
+
+fn read(
+    devices: Devices,
+    paths: &[PathBuf],
+    settings: &SettingsArgs,
+) -> Result<Vec<Recording>, Failure> {
+    let settings = config::load(devices, settings)?;
+    let read = |path: &PathBuf| Recording::read(devices, path, &settings);
+    let recordings: Vec<Recording> = paths.iter().map(read).collect::<Result<_, _>>()?;
+    if recordings
+        .windows(2)
+        .any(|two| two[0].device != two[1].device)
+    {
+        return Err(Failure::usage(anyhow!(
+            "the recordings are of different vehicles"
+        )));
+    }
+    Ok(recordings)
+}
+
+fn search<'a>(
+    devices: Devices,
+    recordings: &'a [Recording],
+    settings: &SettingsArgs,
+    only: &[String],
+) -> Result<(Search<'a>, Findings), Failure> {
+    let base = config::load(devices, settings)?;
+    let knobs = Knob::all(&base, recordings[0].device.id, only);
+    if knobs.is_empty() {
+        return Err(Failure::usage(anyhow!(
+            "--only: no setting begins so; `sim config` lists them"
+        )));
+    }
+    let progress = match std::io::stderr().is_terminal() {
+        true => indicatif::ProgressBar::no_length().with_message("plays"),
+        false => indicatif::ProgressBar::hidden(),
+    };
+    let search = Search {
+        recordings,
+        base,
+        knobs,
+        progress,
+        memo: Default::default(),
+    };
+    let findings = search
+        .run()
+        .map_err(|why| Failure::usage(anyhow!("it cannot be played: {why}")))?;
+    search.progress.finish_and_clear();
+    Ok((search, findings))
+}

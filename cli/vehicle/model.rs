@@ -1,0 +1,307 @@
+//! What the model answers, how far it scatters by chance, and how well a recording fits it.
+
+use std::collections::BTreeMap;
+
+use super::recording::{Channel, Recording, Reply, Seen, Slot, channels, middle};
+
+/// Cost of a reply that is there on one side only, and of a bit that differs.
+pub(super) const DIFFERENT: f64 = 36.0;
+/// Deviation from which on the cost grows only linearly, in standard deviations.
+const HUBER: f64 = 3.0;
+/// Differences of the time to reply that a computer and its adapter explain, ms.
+const ADAPTER: f64 = 2.0;
+
+/// What a slot has by the model: of some plays that differ by chance.
+#[derive(Debug, Clone)]
+pub(super) struct Cell {
+    /// Whether there is a reply; `None` if that is chance.
+    answers: Option<bool>,
+    pub(super) form: Option<(&'static str, Option<u8>, usize)>,
+    pub(super) mean: Vec<f64>,
+    /// Standard deviations; infinite for a bit that is chance.
+    pub(super) sd: Vec<f64>,
+}
+
+/// Channels of the replies of a recording, by form.
+pub(super) struct Layout(BTreeMap<(&'static str, Option<u8>, usize), Vec<Channel>>);
+
+impl Layout {
+    pub(super) fn of<'a>(replies: impl Iterator<Item = &'a Reply>) -> Self {
+        let mut all = BTreeMap::new();
+        for reply in replies {
+            all.entry(reply.form)
+                .or_insert_with(|| channels(reply.info));
+        }
+        Self(all)
+    }
+
+    pub(super) fn of_form(&self, form: Option<(&'static str, Option<u8>, usize)>) -> &[Channel] {
+        form.and_then(|form| self.0.get(&form))
+            .map_or(&[], Vec::as_slice)
+    }
+
+    pub(super) fn channels(&self, reply: &Reply) -> &[Channel] {
+        self.of_form(Some(reply.form))
+    }
+}
+
+/// What all slots have by these plays.
+pub(super) fn cells(plays: &[&Seen], recording: &Recording, layout: &Layout) -> Vec<Cell> {
+    let slots = recording.slots.iter().enumerate();
+    let mut cells: Vec<Cell> = slots.map(|(at, _)| cell(plays, at, layout)).collect();
+    // Of a channel as a whole.
+    let mut spreads: BTreeMap<_, Vec<Vec<f64>>> = BTreeMap::new();
+    for cell in &cells {
+        let of_form = spreads.entry(cell.form).or_default();
+        of_form.resize(cell.sd.len(), Vec::new());
+        for (all, sd) in of_form.iter_mut().zip(&cell.sd) {
+            all.push(*sd);
+        }
+    }
+    let usual: BTreeMap<_, Vec<f64>> = spreads
+        .into_iter()
+        .map(|(form, all)| (form, all.iter().map(|all| middle(all).0).collect()))
+        .collect();
+    let jitter = jitter(recording, &cells);
+    let plain: Vec<(u64, Vec<f64>)> = cells
+        .iter()
+        .zip(&recording.slots)
+        .map(|(cell, slot)| (slot.at, cell.mean.clone()))
+        .collect();
+    let mut last: BTreeMap<_, usize> = BTreeMap::new();
+    for at in 0..cells.len() {
+        let before = last.insert(cells[at].form, at);
+        let usual = &usual[&cells[at].form];
+        for (channel, usual) in usual.iter().enumerate() {
+            if is_choice(&cells[at], channel, layout) {
+                // In real time it may change a little sooner or later than in the model.
+                if let Some(before) = before.filter(|_| recording.is_real)
+                    && plain[before].1[channel] != plain[at].1[channel]
+                {
+                    cells[before].sd[channel] = f64::INFINITY;
+                    cells[at].sd[channel] = f64::INFINITY;
+                }
+                continue;
+            }
+            // How fast it changes, by which a command that comes a little later or earlier shows.
+            let slope = before.map_or(0.0, |before| {
+                let span = (plain[at].0 - plain[before].0) as f64 / 1e6;
+                (plain[at].1[channel] - plain[before].1[channel]).abs() / span.max(1.0)
+            });
+            let sd = cells[at].sd[channel].max(*usual);
+            let more = 1.0 + 1.0 / plays.len() as f64;
+            let jitter = if channel == 0 { jitter } else { jitter * slope };
+            cells[at].sd[channel] =
+                (sd * sd * more + 1.0 / 12.0 * f64::from(channel > 0) + jitter * jitter + 1e-6)
+                    .sqrt();
+        }
+    }
+    add_noise(&mut cells, recording);
+    cells
+}
+
+/// Widens the scatter of channels that is wider in the recording, from one reply to the next, than in the
+/// model: that is noise of the vehicle's, and no setting should be found in it.
+fn add_noise(cells: &mut [Cell], recording: &Recording) {
+    let mut rests: BTreeMap<_, Vec<Vec<f64>>> = BTreeMap::new();
+    for (cell, seen) in cells.iter().zip(&recording.seen) {
+        let Some(seen) = seen.as_ref().filter(|seen| Some(seen.form) == cell.form) else {
+            continue;
+        };
+        let of_form = rests
+            .entry(cell.form)
+            .or_insert_with(|| vec![Vec::new(); cell.sd.len()]);
+        for ((rests, sd), (seen, mean)) in of_form
+            .iter_mut()
+            .zip(&cell.sd)
+            .zip(seen.values.iter().zip(&cell.mean))
+        {
+            rests.push((seen - mean) / sd);
+        }
+    }
+    let widen = |rests: &Vec<f64>| {
+        let jumps: Vec<f64> = rests
+            .windows(2)
+            .map(|two| (two[1] - two[0]).abs())
+            .collect();
+        // The median of what is normal, and two of them.
+        (middle(&jumps).0 / (0.6745 * std::f64::consts::SQRT_2)).max(1.0)
+    };
+    let factors: BTreeMap<_, Vec<f64>> = rests
+        .iter()
+        .map(|(form, all)| (*form, all.iter().map(widen).collect()))
+        .collect();
+    for cell in cells {
+        for (sd, factor) in cell
+            .sd
+            .iter_mut()
+            .zip(factors.get(&cell.form).into_iter().flatten())
+        {
+            if factor.is_finite() {
+                *sd *= factor;
+            }
+        }
+    }
+}
+
+/// How much times to reply of the recording scatter more than those of the model, ms.
+fn jitter(recording: &Recording, cells: &[Cell]) -> f64 {
+    if !recording.is_real {
+        return 0.0;
+    }
+    let replies = recording.seen.iter().zip(cells);
+    let waits =
+        replies.filter_map(|(reply, cell)| Some(reply.as_ref()?.values[0] - cell.mean.first()?));
+    1.0 + 1.5 * middle(&waits.collect::<Vec<_>>()).1
+}
+
+fn is_choice(cell: &Cell, channel: usize, layout: &Layout) -> bool {
+    let channels = layout.of_form(cell.form);
+    channels
+        .get(channel)
+        .is_none_or(|channel| channel.is_choice)
+}
+
+fn cell(plays: &[&Seen], at: usize, layout: &Layout) -> Cell {
+    let replies: Vec<&Reply> = plays.iter().filter_map(|play| play[at].as_ref()).collect();
+    let answers = match replies.len() {
+        0 => Some(false),
+        count if count == plays.len() => Some(true),
+        _ => None,
+    };
+    let Some(first) = replies.first() else {
+        return Cell::new(None);
+    };
+    let same: Vec<&&Reply> = replies
+        .iter()
+        .filter(|reply| reply.form == first.form)
+        .collect();
+    let count = same.len() as f64;
+    let mut cell = Cell::new(Some(first));
+    cell.answers = answers.filter(|_| same.len() == replies.len());
+    for (channel, info) in layout.channels(first).iter().enumerate() {
+        let values = || {
+            same.iter()
+                .filter_map(|reply| reply.values.get(channel).copied())
+        };
+        let mean = values().sum::<f64>() / count;
+        let squares: f64 = values().map(|value| (value - mean).powi(2)).sum();
+        if info.is_choice {
+            cell.sd[channel] = if squares > 0.0 { f64::INFINITY } else { 0.0 };
+        } else {
+            (cell.mean[channel], cell.sd[channel]) =
+                (mean, (squares / (count - 1.0).max(1.0)).sqrt());
+        }
+    }
+    cell
+}
+
+impl Cell {
+    fn new(reply: Option<&Reply>) -> Self {
+        let mean = reply.map(|reply| reply.values.clone()).unwrap_or_default();
+        Self {
+            answers: Some(reply.is_some()),
+            form: reply.map(|reply| reply.form),
+            sd: mean.iter().map(|value| 1.0 + 0.01 * value.abs()).collect(),
+            mean,
+        }
+    }
+
+    /// It with `part` of the change between two plays by the same chance.
+    pub(super) fn shifted(
+        &self,
+        from: Option<&Reply>,
+        to: Option<&Reply>,
+        part: f64,
+        layout: &Layout,
+    ) -> Self {
+        match (from, to) {
+            (Some(from), Some(to)) if from.form == to.form && Some(to.form) == self.form => {
+                let mut cell = self.clone();
+                for (channel, info) in layout.channels(to).iter().enumerate() {
+                    let (Some(from), Some(to)) = (from.values.get(channel), to.values.get(channel))
+                    else {
+                        continue;
+                    };
+                    if !info.is_choice {
+                        cell.mean[channel] += part * (to - from);
+                    } else if from != to && part.abs() > 0.5 {
+                        (cell.mean[channel], cell.sd[channel]) = (*to, 0.0);
+                    }
+                }
+                cell
+            }
+            (None, None) => self.clone(),
+            _ if part.abs() <= 0.5 => self.clone(),
+            (_, Some(to)) if self.form == Some(to.form) => Self {
+                answers: Some(true),
+                ..self.clone()
+            },
+            (_, to) => Self::new(to),
+        }
+    }
+
+    /// Returns whether a reply is there on one side only, or has another form.
+    pub(super) fn differs(&self, seen: Option<&Reply>) -> bool {
+        match self.answers {
+            None => false,
+            Some(answers) => {
+                answers != seen.is_some() || seen.is_some_and(|seen| Some(seen.form) != self.form)
+            }
+        }
+    }
+
+    /// How badly a reply fits it.
+    pub(super) fn cost(&self, seen: Option<&Reply>, layout: &Layout, is_real: bool) -> f64 {
+        match (seen, self.answers) {
+            (None, Some(false) | None) => 0.0,
+            (None, _) | (Some(_), Some(false)) => DIFFERENT,
+            (Some(seen), answers) if Some(seen.form) != self.form => {
+                answers.map_or(0.0, |_| DIFFERENT)
+            }
+            (Some(seen), _) => {
+                let channels = layout.channels(seen).iter().enumerate();
+                let each = channels.filter_map(|(channel, info)| {
+                    let rest = seen.values.get(channel)? - self.mean.get(channel)?;
+                    let sd = self.sd[channel];
+                    if info.is_choice {
+                        return Some(if rest != 0.0 && sd == 0.0 {
+                            DIFFERENT
+                        } else {
+                            0.0
+                        });
+                    }
+                    let z = significant(rest, channel, is_real) / sd;
+                    Some(if z <= HUBER {
+                        z * z
+                    } else {
+                        HUBER * (2.0 * z - HUBER)
+                    })
+                });
+                each.sum()
+            }
+        }
+    }
+}
+
+/// What of a difference the machine does not explain.
+pub(super) fn significant(rest: f64, channel: usize, is_real: bool) -> f64 {
+    match (channel, is_real) {
+        (0, true) => (rest.abs() - ADAPTER).max(0.0),
+        _ => rest.abs(),
+    }
+}
+
+/// Weight of a deviation, which is in standard deviations.
+pub(super) fn weight(z: f64) -> f64 {
+    if z.abs() <= HUBER {
+        1.0
+    } else {
+        HUBER / z.abs()
+    }
+}
+
+/// Returns whether a slot takes part.
+pub(super) fn takes_part(slot: &Slot, held_out: bool) -> bool {
+    slot.counts && slot.held_out == held_out
+}

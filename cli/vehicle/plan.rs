@@ -1,0 +1,191 @@
+//! The drive that makes settings identifiable, from the table of its device.
+
+use std::fmt::Write as _;
+use std::time::Duration;
+
+use anyhow::anyhow;
+use rigsim_core::device::{DeviceSettings, DeviceSpec, Devices};
+use rigsim_core::event::read_hex;
+use rigsim_core::settings::SimSettings;
+use rigsim_settings::{Source, parse_quantity};
+use serde::Serialize;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::exit::Failure;
+
+/// A part of the drive.
+#[derive(Debug, Serialize)]
+pub(super) struct Manoeuvre {
+    pub(super) name: String,
+    /// What to take care of.
+    pub(super) care: String,
+    /// Settings that it tells of, without the id of the device.
+    pub(super) touches: Vec<String>,
+    pub(super) frames: Vec<PlannedFrame>,
+}
+
+/// Bytes to send, and the time to wait behind them.
+#[derive(Debug, Serialize)]
+pub(super) struct PlannedFrame {
+    pub(super) link: usize,
+    pub(super) bytes: String,
+    pub(super) wait_ms: u64,
+}
+
+/// The manoeuvres of a device.
+pub(super) fn manoeuvres(
+    device: &DeviceSpec,
+    own: &dyn DeviceSettings,
+) -> Result<Vec<Manoeuvre>, String> {
+    let source = Source {
+        file: "the plan",
+        text: device.host.plan,
+    };
+    let table = DeTable::parse(source.text).map_err(|error| source.syntax(&error).to_string())?;
+    let all = table.get_ref().get("manoeuvre").map_or(&[][..], list);
+    all.iter().map(|one| manoeuvre(one, device, own)).collect()
+}
+
+fn manoeuvre(
+    value: &Spanned<DeValue<'_>>,
+    device: &DeviceSpec,
+    own: &dyn DeviceSettings,
+) -> Result<Manoeuvre, String> {
+    let text = |key: &str| {
+        field(value, key)
+            .and_then(string)
+            .unwrap_or_default()
+            .to_owned()
+    };
+    let touches = field(value, "touches").map_or(&[][..], list);
+    let mut frames: Vec<PlannedFrame> = Vec::new();
+    for step in field(value, "do").map_or(&[][..], list) {
+        let time = |key: &str| {
+            let text = field(step, key).and_then(string).unwrap_or("0s");
+            parse_quantity(text, "ms").map_err(|why| format!("{key}: {why}"))
+        };
+        let (every, wait) = (time("every")?, time("wait")?);
+        let mut once = Vec::new();
+        for message in field(step, "send").map_or(&[][..], list) {
+            let message = (device.host.read)(message, own).map_err(|error| error.to_string())?;
+            once.push((message.link, message.bytes));
+        }
+        for bytes in field(step, "bytes").map_or(&[][..], list) {
+            let digits = string(bytes)
+                .unwrap_or_default()
+                .chars()
+                .filter(|c| *c != ' ');
+            once.push((
+                0,
+                read_hex(digits).ok_or("bytes are pairs of hexadecimal digits")?,
+            ));
+        }
+        let times = field(step, "times").and_then(|value| match value.get_ref() {
+            DeValue::Integer(number) => number.as_str().parse::<usize>().ok(),
+            _ => None,
+        });
+        for (link, bytes) in (0..times.unwrap_or(1)).flat_map(|_| &once) {
+            let bytes = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+            frames.push(PlannedFrame {
+                link: *link,
+                bytes,
+                wait_ms: whole(every),
+            });
+        }
+        if let Some(last) = frames.last_mut() {
+            last.wait_ms += whole(wait);
+        }
+    }
+    Ok(Manoeuvre {
+        name: text("name"),
+        care: text("care"),
+        touches: touches
+            .iter()
+            .filter_map(string)
+            .map(str::to_owned)
+            .collect(),
+        frames,
+    })
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a cast from a float saturates"
+)]
+fn whole(number: f64) -> u64 {
+    number as u64
+}
+
+fn field<'v, 't>(value: &'v Spanned<DeValue<'t>>, key: &str) -> Option<&'v Spanned<DeValue<'t>>> {
+    match value.get_ref() {
+        DeValue::Table(table) => table.get(key),
+        _ => None,
+    }
+}
+
+fn list<'v, 't>(value: &'v Spanned<DeValue<'t>>) -> &'v [Spanned<DeValue<'t>>] {
+    match value.get_ref() {
+        DeValue::Array(all) => all,
+        _ => &[],
+    }
+}
+
+fn string<'v>(value: &'v Spanned<DeValue<'_>>) -> Option<&'v str> {
+    match value.get_ref() {
+        DeValue::String(text) => Some(text),
+        _ => None,
+    }
+}
+
+/// The whole drive, for people or as JSON.
+pub(super) fn show(devices: Devices, kind: &str, as_json: bool) -> Result<String, Failure> {
+    let settings = SimSettings::new(devices);
+    let device = devices.iter().find(|device| device.id == kind);
+    let own = device.and_then(|device| Some((device, settings.of_device(device)?)));
+    let all = own.map(|(device, own)| manoeuvres(device, own)).transpose();
+    let all = all.map_err(|why| Failure::system(anyhow!("the plan of {kind}: {why}")))?;
+    let all = all.filter(|all| !all.is_empty());
+    let all = all.ok_or_else(|| Failure::usage(anyhow!("there is no plan for {kind} yet")))?;
+    if as_json {
+        return serde_json::to_string(&all).map_err(Failure::system);
+    }
+    let mut text =
+        format!("A drive for the settings of {kind}; docs/examples/identify.py performs it.\n");
+    for one in &all {
+        let time: u64 = one.frames.iter().map(|frame| frame.wait_ms).sum();
+        let time = Duration::from_millis(time).as_secs_f64();
+        // Writing to a string cannot fail.
+        let _ = write!(
+            text,
+            "\n{} ({time:.0} s)\n  {}\n  tells of: {}\n",
+            one.name,
+            one.care,
+            one.touches.join(", ")
+        );
+    }
+    Ok(text.trim_end().to_owned())
+}
+
+/// In words, which manoeuvre would touch a setting.
+pub(super) fn touching(device: &DeviceSpec, key: &str) -> String {
+    let settings = (device.settings)();
+    let all = manoeuvres(device, &*settings).unwrap_or_default();
+    let own = key
+        .strip_prefix(device.id)
+        .map_or(key, |rest| rest.trim_start_matches('.'));
+    let tells = |touched: &String| {
+        own == touched
+            || own
+                .strip_prefix(touched.as_str())
+                .is_some_and(|rest| rest.starts_with('.'))
+    };
+    match all.iter().find(|one| one.touches.iter().any(tells)) {
+        Some(one) => format!(
+            "the manoeuvre \"{}\" of `sim fit --plan` touches it",
+            one.name
+        ),
+        None => "no drive that only the line records touches it".to_owned(),
+    }
+}

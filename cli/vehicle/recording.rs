@@ -1,0 +1,400 @@
+//! A recording of a vehicle, and what the model answers to the same bytes at the same times.
+
+use std::path::Path;
+
+use anyhow::anyhow;
+use rigsim_core::SimTime;
+use rigsim_core::device::host::{Frame, FrameReader, MessageInfo};
+use rigsim_core::device::{DeviceSpec, Devices};
+use rigsim_core::event::Hex;
+use rigsim_core::message::{FieldInfo, Sender, WireType};
+use rigsim_core::settings::SimSettings;
+use rigsim_runner::trace::{Header, Record, Replay, Sent};
+
+use crate::config;
+use crate::exit::Failure;
+use crate::recording::Lines;
+use crate::visible;
+
+/// Longest time in which a request is answered, ns.
+const PATIENCE: u64 = 1_000_000_000;
+/// Time after a stall of the recording machine, or a late reply, in which nothing is compared, ns: the
+/// motion has forgotten it then.
+const SETTLING: u64 = 1_500_000_000;
+/// A reply that is later than the usual one of its command by more than this and ten times their spread
+/// was held up, ns.
+const LATE: f64 = 5e6;
+
+/// A recording, with the vehicle's side of it.
+pub(super) struct Recording {
+    devices: Devices,
+    header: Header,
+    pub(super) device: &'static DeviceSpec,
+    /// What the client did.
+    acts: Vec<Record>,
+    pub(super) slots: Vec<Slot>,
+    /// The vehicle's replies, one place for each slot.
+    pub(super) seen: Seen,
+    /// Set if it was recorded in real time, where a machine may stall.
+    pub(super) is_real: bool,
+    end: SimTime,
+}
+
+/// Something that is compared: a request, or a message that the device sends by itself.
+pub(super) struct Slot {
+    /// Time at which the request was complete, ns.
+    pub(super) at: u64,
+    link: usize,
+    command: Option<u8>,
+    /// The message that is sent by itself.
+    own: Option<&'static MessageInfo>,
+    /// It in words.
+    pub(super) text: String,
+    /// Name of the command or message.
+    pub(super) name: String,
+    /// Unset if the machine stalled.
+    pub(super) counts: bool,
+    /// Set for those that only judge the result of a fit.
+    pub(super) held_out: bool,
+}
+
+/// Replies, one place for each slot.
+pub(super) type Seen = Vec<Option<Reply>>;
+
+/// A reply to a slot.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Reply {
+    pub(super) at: u64,
+    pub(super) bytes: Vec<u8>,
+    /// Message, command byte and length; of two replies to the same slot, equal forms have equal
+    /// channels.
+    pub(super) form: (&'static str, Option<u8>, usize),
+    pub(super) info: Option<&'static MessageInfo>,
+    /// Time to reply in ms, then the values of [`channels`].
+    pub(super) values: Vec<f64>,
+}
+
+/// One value of a message.
+#[derive(Debug, Clone)]
+pub(super) struct Channel {
+    pub(super) name: String,
+    pub(super) unit: &'static str,
+    /// Steps on the wire in one unit.
+    pub(super) per: f64,
+    /// A bit, a word or a flag, of which no mean is taken.
+    pub(super) is_choice: bool,
+}
+
+/// The values of a reply: the time to it, then its fields.
+pub(super) fn channels(info: Option<&MessageInfo>) -> Vec<Channel> {
+    let wait = Channel {
+        name: "time to reply".to_owned(),
+        unit: "ms",
+        per: 1.0,
+        is_choice: false,
+    };
+    let fields = info.into_iter().flat_map(|info| info.fields);
+    let of_field = fields.flat_map(|field| {
+        let parts = parts(field);
+        (0..parts * field.count.unwrap_or(1)).map(move |at| Channel {
+            name: match (field.bits.get(at), parts * field.count.unwrap_or(1)) {
+                (Some(bit), _) => format!("{}.{bit}", field.name),
+                (None, 1) => field.name.to_owned(),
+                _ => format!("{}[{at}]", field.name),
+            },
+            unit: field.unit,
+            per: f64::from(field.per),
+            is_choice: !field.bits.is_empty()
+                || !field.values.is_empty()
+                || field.wire == WireType::Bool,
+        })
+    });
+    std::iter::once(wait).chain(of_field).collect()
+}
+
+/// Values that one element of a field is taken apart into: bits, or bytes of what is read in hexadecimal.
+fn parts(field: &FieldInfo) -> usize {
+    match (field.bits.len(), field.hex) {
+        (0, true) => field.wire.size(),
+        (0, false) => 1,
+        (bits, _) => bits,
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "at most 32 bits of the wire"
+)]
+fn take_apart(field: &FieldInfo, number: f64) -> Vec<f64> {
+    let (parts, bits) = (parts(field), number as u64);
+    let wide = if field.bits.is_empty() { 8 } else { 1 };
+    match parts {
+        1 if field.bits.is_empty() => vec![number],
+        _ => (0..parts)
+            .map(|part| (bits >> (wide * part) & ((1 << wide) - 1)) as f64)
+            .collect(),
+    }
+}
+
+struct Timed {
+    at: u64,
+    link: usize,
+    frame: Frame,
+}
+
+impl Recording {
+    /// Reads a trace; frames are read as with these settings.
+    pub(super) fn read(
+        devices: Devices,
+        path: &Path,
+        settings: &SimSettings,
+    ) -> Result<Self, Failure> {
+        let shown = visible::name(path);
+        let wrong = |why: String| Failure::usage(anyhow!("{shown}: {why}"));
+        let mut lines = Lines::open(path)?;
+        let mut records: Vec<Record> = Vec::new();
+        while let Some(line) = lines.next()? {
+            let record = serde_json::from_str(line);
+            records.push(record.map_err(|error| wrong(format!("no trace: {error}")))?);
+        }
+        let mut records = records.into_iter();
+        let Some(Record::Header(header)) = records.next() else {
+            return Err(wrong("a trace begins with its header".to_owned()));
+        };
+        Self::of(devices, *header, records.collect(), settings).map_err(wrong)
+    }
+
+    pub(super) fn of(
+        devices: Devices,
+        header: Header,
+        records: Vec<Record>,
+        settings: &SimSettings,
+    ) -> Result<Self, String> {
+        let plan = Replay::plan(devices, &header)?;
+        let [planned] = &*plan.devices else {
+            return Err("a recording of one vehicle is wanted".to_owned());
+        };
+        let device = planned.device;
+        let in_lockstep =
+            |record: &Record| matches!(record, Record::Time { client } if client == "lockstep");
+        let mut recording = Self {
+            devices,
+            device,
+            is_real: !records.iter().any(in_lockstep),
+            header,
+            acts: Vec::new(),
+            slots: Vec::new(),
+            seen: Vec::new(),
+            end: SimTime::ZERO,
+        };
+        let (mut client, mut vehicle, mut stalls) = (Sent::new(), Sent::new(), Vec::new());
+        let mut last = 0;
+        for record in records {
+            match &record {
+                Record::Host { .. } => {
+                    return Err("its client was scripted in a file; drive with a client".to_owned());
+                }
+                Record::In { t, port, bytes } => {
+                    last = *t;
+                    let bytes = bytes.0.iter().map(|byte| (*t, *byte));
+                    client.entry((*port).into()).or_default().extend(bytes);
+                }
+                Record::Out { t, dt, port, bytes } => {
+                    let bytes = (0u64..)
+                        .zip(&bytes.0)
+                        .map(|(at, byte)| (t + at * dt, *byte));
+                    vehicle.entry((*port).into()).or_default().extend(bytes);
+                    continue;
+                }
+                Record::Late { t, by, .. } => {
+                    stalls.push((t.saturating_sub(*by), *t));
+                    continue;
+                }
+                Record::Attach { .. }
+                | Record::Detach { .. }
+                | Record::Line { .. }
+                | Record::Add { .. }
+                | Record::Clear { .. } => {}
+                _ => continue,
+            }
+            recording.acts.push(record);
+        }
+        recording.end = SimTime::from_nanos(last + PATIENCE);
+        let asked = recording.frames(&client, Sender::Client, settings);
+        let answers = recording.frames(&vehicle, Sender::Device, settings);
+        let slots = if device.host.chatters {
+            &answers
+        } else {
+            &asked
+        };
+        recording.slots = slots.iter().map(|timed| slot(timed, device)).collect();
+        if recording.slots.is_empty() {
+            return Err("nothing is in it that could be compared".to_owned());
+        }
+        recording.hold_out();
+        recording.seen = recording.align(answers);
+        recording.leave_out_stalls(stalls);
+        Ok(recording)
+    }
+
+    /// What the model with these settings does.
+    pub(super) fn play(&self, settings: &SimSettings, seed: u64) -> Result<Seen, String> {
+        let header = Header {
+            settings: config::changed(settings).join("\n"),
+            set: Vec::new(),
+            seed,
+            ..self.header.clone()
+        };
+        let sent = Replay::play(self.devices, &header, &self.acts, self.end);
+        let sent = sent.map_err(|error| error.to_string())?;
+        Ok(self.align(self.frames(&sent, Sender::Device, settings)))
+    }
+
+    fn frames(&self, sent: &Sent, sender: Sender, settings: &SimSettings) -> Vec<Timed> {
+        let mut all = Vec::new();
+        for (port, bytes) in sent {
+            let Some(own) = settings.of_device(self.device) else {
+                continue;
+            };
+            let mut reader: Box<dyn FrameReader> =
+                (self.device.host.frames)(port.link, sender, own);
+            for (at, byte) in bytes {
+                let found = reader.push(SimTime::from_nanos(*at), *byte).into_iter();
+                let link = port.link;
+                all.extend(found.map(|frame| Timed {
+                    at: *at,
+                    link,
+                    frame,
+                }));
+            }
+        }
+        all.sort_by_key(|timed| timed.at);
+        all
+    }
+
+    /// Keeps every third of the same kind for the judgement of a fit.
+    fn hold_out(&mut self) {
+        let mut counts = std::collections::BTreeMap::new();
+        for slot in &mut self.slots {
+            let count = counts.entry(slot.text.clone()).or_insert(0usize);
+            slot.held_out = *count % 3 == 2;
+            *count += 1;
+        }
+    }
+
+    /// Puts frames of the device beside what they answer: the last request of their command, or one that
+    /// is none; what it sends by itself beside the nearest of the recording.
+    fn align(&self, frames: Vec<Timed>) -> Seen {
+        let mut seen: Seen = self.slots.iter().map(|_| None).collect();
+        for timed in frames {
+            let end = self.slots.partition_point(|slot| slot.at <= timed.at);
+            let own = timed.frame.message.as_ref().map(|(info, _)| *info);
+            let free = |at: &usize| seen[*at].is_none() && self.slots[*at].link == timed.link;
+            let place = if self.device.host.chatters {
+                let near = end.saturating_sub(4)..(end + 4).min(self.slots.len());
+                let same = near.filter(|at| self.slots[*at].own == own);
+                same.filter(free)
+                    .min_by_key(|at| self.slots[*at].at.abs_diff(timed.at))
+            } else {
+                let before = (0..end).rev();
+                let recent = before.take_while(|at| self.slots[*at].at + PATIENCE > timed.at);
+                let recent: Vec<usize> = recent.filter(free).collect();
+                let with = |command| {
+                    let mut recent = recent.iter().copied();
+                    recent.find(|at| self.slots[*at].command == command)
+                };
+                with(timed.frame.command).or_else(|| with(None))
+            };
+            if let Some(place) = place {
+                let wait = (timed.at as f64 - self.slots[place].at as f64) / 1e6;
+                let wait = if self.device.host.chatters { 0.0 } else { wait };
+                seen[place] = Some(reply(timed, wait));
+            }
+        }
+        seen
+    }
+
+    /// Leaves out stretches in which the recording machine stalled, or in which a reply came later than
+    /// the line can explain.
+    fn leave_out_stalls(&mut self, mut stalls: Vec<(u64, u64)>) {
+        if !self.is_real {
+            return;
+        }
+        let mut waits: std::collections::BTreeMap<_, Vec<f64>> = Default::default();
+        for reply in self.seen.iter().flatten() {
+            waits.entry(reply.form).or_default().push(reply.values[0]);
+        }
+        for (slot, reply) in self.slots.iter().zip(&self.seen) {
+            let Some(reply) = reply else { continue };
+            let (usual, spread) = middle(&waits[&reply.form]);
+            if (reply.values[0] - usual) * 1e6 > LATE + 10e6 * spread {
+                stalls.push((slot.at, reply.at));
+            }
+        }
+        for slot in &mut self.slots {
+            let touches =
+                |(from, to): &(u64, u64)| slot.at + SETTLING / 8 > *from && slot.at < to + SETTLING;
+            slot.counts = !stalls.iter().any(touches);
+        }
+    }
+}
+
+/// Median, and median deviation from it.
+pub(super) fn middle(values: &[f64]) -> (f64, f64) {
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    };
+    let centre = median(values.to_vec());
+    let spread = values.iter().map(|value| (value - centre).abs()).collect();
+    (centre, median(spread))
+}
+
+fn slot(timed: &Timed, device: &DeviceSpec) -> Slot {
+    let frame = &timed.frame;
+    let info = frame.message.as_ref().map(|(info, _)| *info);
+    let name = match (info, frame.command) {
+        (Some(info), _) => info.name.to_owned(),
+        (None, Some(command)) => format!("0x{command:02X}"),
+        (None, None) => "bytes that are no message".to_owned(),
+    };
+    Slot {
+        at: timed.at,
+        link: timed.link,
+        command: frame.command,
+        own: info.filter(|_| device.host.chatters),
+        text: match device.host.chatters {
+            true => name.clone(),
+            false => format!("{name} | {}", Hex(&frame.bytes)),
+        },
+        name,
+        counts: true,
+        held_out: false,
+    }
+}
+
+fn reply(timed: Timed, wait: f64) -> Reply {
+    let Frame {
+        bytes,
+        command_byte,
+        message,
+        ..
+    } = timed.frame;
+    let info = message.as_ref().map(|(info, _)| *info);
+    let mut values = vec![wait];
+    for (field, numbers) in message
+        .iter()
+        .flat_map(|(info, payload)| info.values(payload))
+    {
+        values.extend(numbers.iter().flat_map(|number| take_apart(field, *number)));
+    }
+    let name = info.map_or("no message", |info| info.name);
+    Reply {
+        at: timed.at,
+        form: (name, command_byte, bytes.len()),
+        bytes,
+        info,
+        values,
+    }
+}

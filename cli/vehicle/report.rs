@@ -1,0 +1,503 @@
+//! What recordings say of the model: of commands, fields and settings, as text and as a file of settings.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use rigsim_core::SimTime;
+use rigsim_core::event::Hex;
+use rigsim_settings::Basis;
+use serde::Serialize;
+
+use super::plan;
+use super::recording::{Reply, middle};
+use super::search::{Findings, Found, Model, Search, Verdict};
+
+/// First words of a file of settings that were found.
+pub(super) const MARK: &str = "# Settings by which the model does what was recorded.";
+/// Times by which one series is moved against the other to find how far it lags, ms.
+const LAGS: std::ops::RangeInclusive<i32> = -50..=50;
+const LAG_STEP: f64 = 10.0;
+/// Most settings that are listed with the manoeuvre that would touch them.
+const MOST_UNTOUCHED: usize = 200;
+
+/// All that is said of recordings.
+#[derive(Serialize)]
+pub(super) struct Report {
+    /// Share of the recording that took part; the rest was left out for stalls of the machine.
+    pub(super) used: f64,
+    /// Nothing that is documented is contradicted, and nothing is unexplained.
+    pub(super) is_as_documented: bool,
+    pub(super) commands: Vec<CommandRow>,
+    pub(super) fields: Vec<FieldRow>,
+    pub(super) settings: Vec<SettingRow>,
+    /// Replies that no setting explains.
+    pub(super) unexplained: Vec<String>,
+    pub(super) held_out: HeldOut,
+}
+
+/// Cost of the third that the search did not use.
+#[derive(Serialize)]
+pub(super) struct HeldOut {
+    pub(super) slots: usize,
+    pub(super) by_default: f64,
+    pub(super) fitted: f64,
+}
+
+#[derive(Serialize, Default)]
+pub(super) struct CommandRow {
+    pub(super) name: String,
+    pub(super) asked: usize,
+    pub(super) answered_by_vehicle: usize,
+    pub(super) answered_by_model: usize,
+    /// Median and 99th percentile of the time to reply, ms.
+    pub(super) vehicle_ms: [f64; 2],
+    pub(super) model_ms: [f64; 2],
+    /// Bytes of the vehicle's replies, and of the model's.
+    pub(super) lengths: [Vec<usize>; 2],
+}
+
+#[derive(Serialize)]
+pub(super) struct FieldRow {
+    pub(super) name: String,
+    pub(super) unit: &'static str,
+    pub(super) count: usize,
+    pub(super) bias: f64,
+    pub(super) rms: f64,
+    /// How much later the vehicle is, ms, if it changes enough to tell.
+    pub(super) lag_ms: Option<f64>,
+    pub(super) range: [f64; 2],
+    /// Of a bit or a word: how often it differs, and when first, s.
+    pub(super) differs: Option<(usize, Option<f64>)>,
+    /// Time in s, the vehicle's value, the model's.
+    #[serde(skip)]
+    pub(super) series: Vec<[f64; 3]>,
+}
+
+#[derive(Serialize)]
+pub(super) struct SettingRow {
+    pub(super) key: String,
+    pub(super) basis: &'static str,
+    pub(super) verdict: &'static str,
+    pub(super) value: String,
+    /// The value that explains the recording, if another does.
+    pub(super) found: Option<String>,
+    /// A number that was found, half of its interval of 99 %, and their unit.
+    pub(super) number: Option<(f64, f64, String)>,
+    /// Settings that explain the recording as well.
+    pub(super) or: Vec<String>,
+    /// What shows it, or what would.
+    pub(super) why: String,
+}
+
+impl Report {
+    pub(super) fn of(search: &Search<'_>, findings: &Findings) -> Self {
+        let slots = || {
+            search
+                .recordings
+                .iter()
+                .flat_map(|recording| &recording.slots)
+        };
+        let (all, used) = (slots().count(), slots().filter(|slot| slot.counts).count());
+        let unexplained = search.unexplained(&findings.model);
+        let settings: Vec<SettingRow> = (0..search.knobs.len())
+            .map(|at| setting(search, findings, at))
+            .collect();
+        let documented = settings.iter().filter(|row| row.basis == "documented");
+        let contradicted = documented.filter(|row| row.verdict == Verdict::Contradicted.as_str());
+        Self {
+            used: used as f64 / all as f64,
+            is_as_documented: unexplained.is_empty() && contradicted.count() == 0,
+            commands: commands(search, &findings.assumed),
+            fields: fields(search, &findings.assumed),
+            settings,
+            unexplained,
+            held_out: HeldOut {
+                slots: slots().filter(|slot| slot.counts && slot.held_out).count(),
+                by_default: search.cost(&findings.assumed, true) + 0.0,
+                fitted: search.cost(&findings.model, true) + 0.0,
+            },
+        }
+    }
+
+    fn with(&self, verdict: Verdict) -> impl Iterator<Item = &SettingRow> {
+        self.settings
+            .iter()
+            .filter(move |row| row.verdict == verdict.as_str())
+    }
+
+    pub(super) fn text(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "command                     asked  vehicle  model   ms p50/p99 vehicle      model   bytes"
+        );
+        for row in &self.commands {
+            let [v, m] =
+                [row.vehicle_ms, row.model_ms].map(|[p50, p99]| format!("{p50:.1}/{p99:.1}"));
+            let lengths = row.lengths.each_ref().map(|all| format!("{all:?}"));
+            let _ = writeln!(
+                text,
+                "{:26} {:6} {:8} {:6} {v:>18} {m:>12}   {}",
+                row.name,
+                row.asked,
+                row.answered_by_vehicle,
+                row.answered_by_model,
+                if lengths[0] == lengths[1] {
+                    lengths[0].clone()
+                } else {
+                    lengths.join(" / ")
+                },
+            );
+        }
+        let _ = writeln!(
+            text,
+            "\nfield                                     bias          rms      lag   vehicle's range"
+        );
+        let mut same = 0;
+        for row in &self.fields {
+            if let Some((count, first)) = row.differs {
+                if first.is_none() {
+                    same += 1;
+                } else if let Some(first) = first {
+                    let _ = writeln!(
+                        text,
+                        "{:34} differs {count} times of {}, first at {first:.3} s",
+                        row.name, row.count
+                    );
+                }
+                continue;
+            }
+            if row.rms == 0.0 {
+                same += 1;
+                continue;
+            }
+            let lag = row
+                .lag_ms
+                .map_or(String::new(), |lag| format!("{lag:.0} ms"));
+            let [low, high] = row.range;
+            let _ = writeln!(
+                text,
+                "{:34} {:>11.4} {:>12.4} {lag:>8}   {low} to {high} {}",
+                row.name, row.bias, row.rms, row.unit,
+            );
+        }
+        let _ = writeln!(text, "the other {same} are equal\n");
+        text.push_str(&self.verdicts());
+        text
+    }
+
+    fn verdicts(&self) -> String {
+        let mut text = String::new();
+        for row in self.with(Verdict::Contradicted) {
+            let _ = writeln!(
+                text,
+                "contradicted  {} ({}): {} instead of {}\n    {}",
+                row.key,
+                row.basis,
+                row.shown(),
+                row.value,
+                row.why
+            );
+        }
+        for row in self.settings.iter().filter(|row| !row.or.is_empty()) {
+            let or = row.or.join(", ");
+            let _ = writeln!(
+                text,
+                "not decided   {} as {}, or one of: {or}\n    {}",
+                row.key,
+                row.shown(),
+                row.why
+            );
+        }
+        for row in &self.unexplained {
+            let _ = writeln!(text, "unexplained   {row}");
+        }
+        for verdict in [Verdict::Supported, Verdict::NotDecided] {
+            let keys: Vec<&str> = self
+                .with(verdict)
+                .filter(|row| row.or.is_empty())
+                .map(|row| row.key.as_str())
+                .collect();
+            let _ = writeln!(
+                text,
+                "{:13} {}: {}",
+                verdict.as_str(),
+                keys.len(),
+                keys.join(", ")
+            );
+        }
+        let mut untouched: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for row in self.with(Verdict::NotTouched).take(MOST_UNTOUCHED) {
+            untouched.entry(&row.why).or_default().push(&row.key);
+        }
+        for (why, keys) in untouched {
+            let _ = writeln!(text, "not touched   {}\n    {why}", keys.join(", "));
+        }
+        if self.used < 1.0 {
+            let _ = writeln!(
+                text,
+                "{:.0} % was left out: the recording machine stalled, or replies were late",
+                (1.0 - self.used) * 100.0
+            );
+        }
+        text.trim_end().to_owned()
+    }
+
+    pub(super) fn fit_text(&self) -> String {
+        let HeldOut {
+            slots,
+            by_default,
+            fitted,
+        } = self.held_out;
+        let better = match fitted < by_default {
+            true => "better",
+            false => "NOT better: keep the defaults",
+        };
+        format!(
+            "{}\n\nof the third that was not used, {slots} messages: cost {by_default:.0} by default, {fitted:.0} as fitted ({better})",
+            self.verdicts()
+        )
+    }
+
+    pub(super) fn toml(&self) -> String {
+        let HeldOut {
+            slots,
+            by_default,
+            fitted,
+        } = self.held_out;
+        let mut text = format!(
+            "{MARK}\n# Cost of {slots} messages that were not used: {by_default:.0} by default, {fitted:.0} with these.\n"
+        );
+        let mut versions: Vec<&str> = Vec::new();
+        for row in self.settings.iter().filter(|row| row.found.is_some()) {
+            let (key, value) = (
+                row.key.split('[').next().unwrap_or_default(),
+                row.found.as_deref(),
+            );
+            if versions.contains(&key) {
+                continue;
+            }
+            versions.push(key);
+            let (interval, why) = (row.shown(), &row.why);
+            let _ = writeln!(text, "\n# {interval} instead of {}; {why}", row.value);
+            let undecided = match row.or.is_empty() {
+                true => String::new(),
+                false => format!(
+                    "# Not written, since one of these explains it as well: {}\n# ",
+                    row.or.join(", ")
+                ),
+            };
+            let _ = writeln!(text, "{undecided}{key} = {}", value.unwrap_or_default());
+        }
+        text
+    }
+}
+
+impl SettingRow {
+    /// The value that was found, with its interval.
+    fn shown(&self) -> String {
+        match &self.number {
+            Some((value, half, unit)) => {
+                // Two digits of what is uncertain.
+                let scales = std::iter::successors(Some(10.0), |scale| Some(scale / 10.0));
+                let digits = scales.take(9).position(|scale| *half >= scale).unwrap_or(9);
+                format!("{value:.digits$} ± {half:.digits$} {unit}")
+                    .trim_end()
+                    .to_owned()
+            }
+            None => self.found.clone().unwrap_or_default(),
+        }
+    }
+}
+
+impl Verdict {
+    pub(super) fn as_str(self) -> &'static str {
+        match self {
+            Self::Supported => "supported",
+            Self::Contradicted => "contradicted",
+            Self::NotDecided => "not decided",
+            Self::NotTouched => "not touched",
+        }
+    }
+}
+
+fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
+    let (knob, verdict) = (&search.knobs[at], findings.verdicts[at]);
+    let found = findings.found.iter().find(|one| one.knob == at);
+    let why = match (found, verdict) {
+        (Some(found), _) => shown(search, findings, found),
+        (None, Verdict::NotTouched) => plan::touching(search.recordings[0].device, &knob.key),
+        _ => String::new(),
+    };
+    SettingRow {
+        key: knob.name(),
+        basis: match knob.basis {
+            Basis::Documented(_) => "documented",
+            Basis::Assumed(_) => "assumed",
+        },
+        verdict: verdict.as_str(),
+        value: knob.default.clone(),
+        found: found.map(|found| found.literal.clone()),
+        number: found
+            .and_then(|found| found.number)
+            .map(|(value, half)| (value, half, knob.unit())),
+        or: found.map(|found| found.or.clone()).unwrap_or_default(),
+        why,
+    }
+}
+
+/// Time and bytes that show best that a setting is another.
+fn shown(search: &Search<'_>, findings: &Findings, found: &Found) -> String {
+    let (at, slot) = found.shown_by;
+    let recording = &search.recordings[at];
+    let reply = |reply: Option<&Reply>| match reply {
+        Some(reply) => format!("{} after {:.1} ms", Hex(&reply.bytes), reply.values[0]),
+        None => "nothing".to_owned(),
+    };
+    format!(
+        "at {} s, {}: the vehicle answered {}, the model {}",
+        SimTime::from_nanos(recording.slots[slot].at),
+        recording.slots[slot].text,
+        reply(recording.seen[slot].as_ref()),
+        reply(findings.assumed.reply(at, slot)),
+    )
+}
+
+fn commands(search: &Search<'_>, model: &Model) -> Vec<CommandRow> {
+    let mut rows: BTreeMap<&str, (CommandRow, [Vec<f64>; 2])> = BTreeMap::new();
+    for (at, recording) in search.recordings.iter().enumerate() {
+        for (slot, asked) in recording.slots.iter().enumerate() {
+            let (row, waits) = rows.entry(&asked.name).or_default();
+            row.asked += 1;
+            let both = [recording.seen[slot].as_ref(), model.reply(at, slot)];
+            row.answered_by_vehicle += usize::from(both[0].is_some());
+            row.answered_by_model += usize::from(both[1].is_some());
+            for (side, reply) in both.iter().enumerate() {
+                let Some(reply) = reply else { continue };
+                waits[side].push(reply.values[0]);
+                if !row.lengths[side].contains(&reply.bytes.len()) {
+                    row.lengths[side].push(reply.bytes.len());
+                    row.lengths[side].sort_unstable();
+                }
+            }
+        }
+    }
+    let finish = |(name, (row, waits)): (&str, (CommandRow, [Vec<f64>; 2]))| {
+        let [vehicle_ms, model_ms] = waits.map(|mut all| {
+            all.sort_by(f64::total_cmp);
+            let part = |part: usize| all.get(all.len() * part / 100).copied().unwrap_or(0.0);
+            [part(50), part(99)]
+        });
+        CommandRow {
+            name: name.to_owned(),
+            vehicle_ms,
+            model_ms,
+            ..row
+        }
+    };
+    rows.into_iter().map(finish).collect()
+}
+
+fn fields(search: &Search<'_>, model: &Model) -> Vec<FieldRow> {
+    let mut rows: BTreeMap<(&str, usize), FieldRow> = BTreeMap::new();
+    for (at, recording) in search.recordings.iter().enumerate() {
+        for (slot, asked) in recording
+            .slots
+            .iter()
+            .enumerate()
+            .filter(|(_, slot)| slot.counts)
+        {
+            let (Some(seen), cell) = (&recording.seen[slot], &model.cells[at][slot]) else {
+                continue;
+            };
+            if Some(seen.form) != cell.form {
+                continue;
+            }
+            let channels = model.layout.channels(seen).iter().enumerate().skip(1);
+            for (channel, info) in channels {
+                let row = rows
+                    .entry((seen.form.0, channel))
+                    .or_insert_with(|| FieldRow {
+                        name: format!("{}.{}", seen.form.0, info.name),
+                        unit: info.unit,
+                        count: 0,
+                        bias: 0.0,
+                        rms: 0.0,
+                        lag_ms: None,
+                        range: [0.0; 2],
+                        differs: info.is_choice.then_some((0, None)),
+                        series: Vec::new(),
+                    });
+                let time = asked.at as f64 / 1e9;
+                let [seen, model] =
+                    [seen.values[channel], cell.mean[channel]].map(|value| value / info.per);
+                if let Some((count, first)) = row.differs.as_mut().filter(|_| seen != model) {
+                    *count += 1;
+                    first.get_or_insert(time);
+                }
+                row.series.push([time, seen, model]);
+            }
+        }
+    }
+    let mut rows: Vec<FieldRow> = rows.into_values().collect();
+    for row in &mut rows {
+        row.sum_up();
+    }
+    rows
+}
+
+impl FieldRow {
+    fn sum_up(&mut self) {
+        let rest: Vec<f64> = self
+            .series
+            .iter()
+            .map(|[_, seen, model]| seen - model)
+            .collect();
+        self.count = rest.len();
+        self.bias = middle(&rest).0;
+        self.rms = rms(rest.iter().copied());
+        let seen = || self.series.iter().map(|[_, seen, _]| *seen);
+        self.range = [
+            seen().fold(f64::INFINITY, f64::min),
+            seen().fold(f64::NEG_INFINITY, f64::max),
+        ];
+        let varies = self.range[1] - self.range[0];
+        if self.differs.is_some()
+            || self.count < 20
+            || varies < 20.0 * rms(rest.iter().copied()).min(1.0)
+            || varies == 0.0
+        {
+            return;
+        }
+        let with_lag = |lag: f64| {
+            let moved = self
+                .series
+                .iter()
+                .filter_map(|[time, seen, _]| Some(seen - self.model_at(time - lag)?));
+            rms(moved)
+        };
+        let lags = LAGS.map(|lag| f64::from(lag) * LAG_STEP / 1e3);
+        let best = lags.min_by(|one, other| with_lag(*one).total_cmp(&with_lag(*other)));
+        self.lag_ms = best.map(|lag| lag * 1e3);
+    }
+
+    /// The model's value between its replies.
+    fn model_at(&self, time: f64) -> Option<f64> {
+        let at = self.series.partition_point(|[other, ..]| *other <= time);
+        let (before, after) = (self.series.get(at.checked_sub(1)?)?, self.series.get(at)?);
+        let part = (time - before[0]) / (after[0] - before[0]).max(1e-9);
+        Some(before[2] + part * (after[2] - before[2]))
+    }
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = values.fold((0.0, 0.0), |(count, sum), value| {
+        (count + 1.0, sum + value * value)
+    });
+    if count == 0.0 {
+        0.0
+    } else {
+        f64::sqrt(sum / count)
+    }
+}

@@ -1,0 +1,80 @@
+#!/usr/bin/env python3
+"""Drive a vehicle so that a recording tells as many of its settings as possible.
+
+    sim tap /dev/ttyUSB0 --pty /tmp/r150 --trace drive.jsonl     # in another terminal
+    python3 docs/examples/identify.py /tmp/r150
+
+Needs `pip install pyserial`, and `sim` on the path: `sim fit --plan` has the manoeuvres. Read
+docs/vehicle.md first, put the vehicle on blocks, and have the emergency stop in your hand. Ctrl-C stops
+the motors and ends it. `--only NAME` performs the manoeuvres whose name contains NAME, `--yes` asks nothing.
+"""
+import argparse
+import json
+import os
+import subprocess
+import time
+
+import serial
+
+
+def crc16(data):  # CRC-16/X-25 over command and parameters
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
+    return (crc ^ 0xFFFF).to_bytes(2, "little")
+
+
+def perform(ports, manoeuvre):
+    """Sends the frames of a manoeuvre, each at its time, and reads what comes."""
+    due = time.monotonic()
+    heard = 0
+    for frame in manoeuvre["frames"]:
+        ports[frame["link"]].write(bytes.fromhex(frame["bytes"]))
+        due += frame["wait_ms"] / 1e3
+        while (rest := due - time.monotonic()) > 0:
+            time.sleep(min(rest, 0.02))
+            heard += sum(len(port.read(4096)) for port in ports)
+    return heard
+
+
+def stop(ports):
+    """Asks for standstill, many times."""
+    body = b"\x12\x00\x00\x00\x00"
+    for _ in range(20):
+        ports[0].write(b"\xAA\x55\x04" + body + crc16(body))
+        time.sleep(0.06)
+        for port in ports:
+            port.read(4096)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("port", nargs="*", default=[os.environ.get("SIM_R150_PORT")])
+    parser.add_argument("--only", default="", metavar="NAME")
+    parser.add_argument("--yes", action="store_true")
+    parser.add_argument("--plan", help="a file with the output of `sim fit --plan --json`")
+    args = parser.parse_args()
+    if args.plan:
+        with open(args.plan) as file:
+            plan = json.load(file)
+    else:
+        plan = json.loads(subprocess.check_output(["sim", "fit", "--plan", "--json"]))
+    ports = [serial.Serial(path, 115200, timeout=0, write_timeout=1) for path in args.port]
+    try:
+        for manoeuvre in (one for one in plan if args.only in one["name"]):
+            seconds = sum(frame["wait_ms"] for frame in manoeuvre["frames"]) / 1e3
+            print(f"{manoeuvre['name']}, {seconds:.0f} s. {manoeuvre['care']}", flush=True)
+            if not args.yes:
+                input("  Enter begins it, Ctrl-C ends the drive: ")
+            if not perform(ports, manoeuvre):
+                raise SystemExit("the vehicle does not answer: is it on, and is the cable in?")
+    except KeyboardInterrupt:
+        print("stopped")
+    finally:
+        stop(ports)
+
+
+if __name__ == "__main__":
+    main()
