@@ -8,9 +8,8 @@ use divan::Bencher;
 use divan::counter::BytesCount;
 use rigsim_core::SimTime;
 use rigsim_core::line::{Adapter, SerialLine, Wire};
-use rigsim_core::mecanum_device::settings::ByteOrder;
 use rigsim_core::mecanum_device::{ascii, codec as mecanum_codec, packet};
-use rigsim_core::r150_device::codec::{self, Decoder};
+use rigsim_core::r150_device::codec;
 use rigsim_core::r150_device::command::Request;
 use rigsim_physics::{
     MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
@@ -35,7 +34,7 @@ fn r150_encode_request(bencher: Bencher) {
 #[divan::bench]
 fn r150_decode_request(bencher: Bencher) {
     let frame = MOTORS.encode();
-    let mut decoder = Decoder::new(Duration::from_millis(5));
+    let mut decoder = codec::decoder(Duration::from_millis(5));
     bencher
         .counter(BytesCount::of_slice(&frame))
         .bench_local(|| {
@@ -66,8 +65,7 @@ fn mecanum_decode_request(bencher: Bencher) {
         v: 100,
     }
     .encode();
-    let mut decoder =
-        mecanum_codec::Decoder::<packet::Request>::new(Duration::from_millis(5), ByteOrder::Little);
+    let mut decoder = mecanum_codec::decoder::<packet::Request>(Duration::from_millis(5));
     bencher
         .counter(BytesCount::of_slice(&bytes))
         .bench_local(|| {

@@ -17,8 +17,8 @@ use rigsim_core::SimTime;
 use rigsim_core::device::host::{Frame, FrameReader, Message};
 use rigsim_core::device::names::COMMON;
 use rigsim_core::device::{
-    Begin, Device, DeviceSettings, DeviceSpec, Devices, Effect, EffectError, Framing, HostSpec,
-    LinkSpec, OnHardware, Setup, Sum, Tally, TextLines, Work, effects,
+    Begin, Device, DeviceSettings, DeviceSpec, Devices, Effect, EffectError, Form, Framing,
+    HostSpec, LinkSpec, OnHardware, Setup, Sum, Tally, Work, effects,
 };
 use rigsim_core::event::{Code, EventKind, PlainEvent, code};
 use rigsim_core::mecanum::MECANUM_SPEC;
@@ -47,7 +47,15 @@ static ROBOT: DeviceSpec = DeviceSpec {
     id: "robot",
     title: "a robot",
     about: "Small robot with two wheels and a protocol of lines",
-    links: &[LinkSpec::always("main", "main")],
+    links: &[LinkSpec::always(
+        "main",
+        "main",
+        Framing {
+            form: Form::Lines,
+            name: |_| "a reply".to_owned(),
+            unasked: || b"OK\n".to_vec(),
+        },
+    )],
     starts: &[],
     settings: || Box::new(RobotSettings::default()),
     compare_first: &["baud", "battery"],
@@ -348,12 +356,5 @@ impl Device for Robot {
 
     fn set_faults(&mut self, _now: SimTime, sum: &Sum) {
         self.missing = sum.own::<Missing>().map_or(0.0, |missing| missing.0);
-    }
-
-    fn framing(&self, _link: usize) -> &'static dyn Framing {
-        &TextLines {
-            name: "a reply",
-            unasked: b"OK\n",
-        }
     }
 }

@@ -37,8 +37,8 @@ pub use settings::{
     MecanumPlantSettings, MecanumWheelSettings, ReaderSettings, UltrasonicSettings,
 };
 pub use signals::{
-    ECHOES, MecanumCommands, MecanumMeasurements, PORTS, PlugSwaps, Plugs, Port, PortCommand,
-    WHEELS, Wheel, Wiring,
+    ECHOES, MecanumCommands, MecanumMeasurements, PORTS, PlugSwaps, Port, PortCommand, WHEELS,
+    Wheel, Wiring,
 };
 
 use crate::drawing::{Drawing, EchoDrawing, WheelDrawing};
@@ -85,10 +85,8 @@ impl MecanumPlant {
         Self::with_name("mecanum", settings, world, pose)
     }
 
-    /// Puts a car into the world, standing; `name` is what errors call it.
-    ///
-    /// Where the settings leave the wiring to what the firmware expects, that is taken to be the
-    /// firmware's default; [`MecanumPlantSettings::expecting`] says otherwise.
+    /// Puts a car into the world, standing; `name` is what errors call it. It is wired by the
+    /// article's table, unless [`wired`](Self::wired) says otherwise.
     #[must_use]
     pub fn with_name(
         name: &str,
@@ -109,7 +107,7 @@ impl MecanumPlant {
         let body = VehicleBody::new(world, body, carried, BOUNDS);
         let mut sensors = Sensors::new(settings);
         sensors.look(world, body.id(), body.motion());
-        let wiring = settings.plugs.wiring(Wiring::default());
+        let wiring = Wiring::default();
         Self {
             wiring,
             plain_wiring: wiring,
@@ -121,6 +119,16 @@ impl MecanumPlant {
             faults: MecanumFaults::default(),
             drive,
             sensors,
+        }
+    }
+
+    /// The same car with its motors at these ports.
+    #[must_use]
+    pub fn wired(self, wiring: Wiring) -> Self {
+        Self {
+            wiring,
+            plain_wiring: wiring,
+            ..self
         }
     }
 

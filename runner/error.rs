@@ -4,7 +4,7 @@ use std::fmt;
 
 use rigsim_settings::{Origin, SettingsError, Wrong, shorten};
 
-use crate::{renamed, suggest};
+use crate::renamed::{self, Kind};
 
 /// All that is wrong with a file and those that it is based on, in the order of their text.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -89,7 +89,7 @@ impl fmt::Display for FileError {
             write!(f, "`{}`: ", shorten(key.clone()))?;
         }
         match &self.kind {
-            FileErrorKind::Form(wrong) => f.write_str(&suggest::in_words(wrong))?,
+            FileErrorKind::Form(wrong) => f.write_str(&in_words(wrong))?,
             FileErrorKind::Syntax(why) | FileErrorKind::Sense(why) => {
                 f.write_str(&shorten(why.replace('\n', " ")))?;
             }
@@ -98,4 +98,15 @@ impl fmt::Display for FileError {
         }
         f.write_str(&self.used)
     }
+}
+
+/// An error of a form, which names the new key in the place of a former one.
+fn in_words(wrong: &Wrong) -> String {
+    if let Wrong::UnknownKey(key, allowed) = wrong
+        && let Some(renamed) = renamed::find(|kind| matches!(kind, Kind::Key(_)), key)
+        && allowed.contains(&renamed.new)
+    {
+        return renamed.to_string();
+    }
+    shorten(wrong.to_string().replace('\n', " "))
 }

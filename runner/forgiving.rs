@@ -6,7 +6,6 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::problems::Problems;
-use crate::tables::find;
 
 /// Values put where something is missing that must be there, so that the rest can be read.
 const INSTEAD: [(&str, &str); 7] = [
@@ -158,4 +157,23 @@ fn put_instead(value: &mut Spanned<DeValue<'_>>, table: &[Part], name: &str) -> 
         return true;
     }
     false
+}
+
+/// Finds what is at the end of a way.
+pub(crate) fn find<'v, 't>(
+    value: &'v mut Spanned<DeValue<'t>>,
+    path: &[Part],
+) -> Option<&'v mut Spanned<DeValue<'t>>> {
+    let Some((part, rest)) = path.split_first() else {
+        return Some(value);
+    };
+    let inner = match (part, value.get_mut()) {
+        (Part::Key(key), DeValue::Table(table)) => table.get_mut(key.as_str())?,
+        (Part::Element(start), DeValue::Array(values)) => {
+            let mut values = values.iter_mut();
+            values.find(|value| value.span().start == *start)?
+        }
+        _ => return None,
+    };
+    find(inner, rest)
 }

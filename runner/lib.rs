@@ -16,8 +16,6 @@ pub mod run;
 pub mod scenario;
 mod schema;
 mod sources;
-mod suggest;
-mod tables;
 pub mod trace;
 
 pub use assemble::PlannedLink;

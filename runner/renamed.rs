@@ -59,6 +59,7 @@ pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Name, "truth.driver_right_c", "truth.motor_right_derated"),
     renamed(Kind::Name, "truth.driver_left_c", "truth.motor_left_derated"),
     renamed(Kind::Setting, "r150.battery.pack_resistance", "r150.battery.resistance"),
+    renamed(Kind::Setting, "mecanum.plugs", "fault = { kind = \"ports-swapped\", … }"),
     renamed(Kind::Setting, "r150.measurement_noise", "r150.noise.voltage, .current, .temperature and .speed"),
     renamed(Kind::Flag("run"), "--max-hold-up", "--max-stall"),
     renamed(Kind::Ctl, "go-on", "resume"),

@@ -37,8 +37,7 @@ use crate::error::{FileError, FileErrors};
 use crate::forgiving::{self, LeftOut};
 use crate::problems::Problems;
 use crate::schema;
-use crate::sources::Sources;
-use crate::tables::{self, Tables};
+use crate::sources::{Sources, element, table};
 use form::OwnText;
 
 /// Most devices of a rig.
@@ -102,8 +101,8 @@ impl RigPlan {
     pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, FileErrors> {
         let sources = Sources(&[source]);
         let mut problems = Problems::new(sources);
-        let mut tables = Tables(sources.tables(0)?);
-        let file = forgiving::read_table(&mut tables.0, &mut LeftOut::default(), &mut problems);
+        let mut tables = sources.tables(0)?;
+        let file = forgiving::read_table(&mut tables, &mut LeftOut::default(), &mut problems);
         let plan = file.and_then(|file| Self::check(&mut problems, &tables, base, file));
         problems.into_result()?;
         plan.ok_or_else(|| FileError::general(format!("{} is no rig file", source.file)).into())
@@ -113,7 +112,7 @@ impl RigPlan {
     /// is not known.
     pub(crate) fn check(
         problems: &mut Problems<'_>,
-        tables: &Tables<'_>,
+        tables: &DeTable<'_>,
         base: &SimSettings,
         file: RigText,
     ) -> Option<Self> {
@@ -126,12 +125,14 @@ impl RigPlan {
             return None;
         }
         let mut settings = base.clone();
-        if let Some(table) = tables.table("settings") {
+        if let Some(table) = table(tables, "settings") {
             apply(problems, table, "", &mut settings);
         }
         let mut texts = Vec::new();
         for (index, device) in file.device.iter().enumerate() {
-            let own = tables.of("device", index).cloned().unwrap_or_default();
+            let own = element(tables, "device", index)
+                .cloned()
+                .unwrap_or_default();
             texts.extend(OwnText::read(problems, base.table(), own, device.span()));
         }
         if texts.len() < file.device.len() {
@@ -161,8 +162,8 @@ impl RigPlan {
                 }
             }
             let mut own = settings.clone();
-            let table = tables.of("device", index);
-            if let Some(table) = table.and_then(|own| tables::table(own, "settings")) {
+            let own_table = element(tables, "device", index);
+            if let Some(table) = own_table.and_then(|own| table(own, "settings")) {
                 apply(problems, table, device.id, &mut own);
             }
             devices.push(DevicePlan {

@@ -41,7 +41,7 @@ use rigsim_core::effect::{self, Checked};
 use rigsim_core::noise::Noise;
 use rigsim_core::settings::SimSettings;
 use rigsim_physics::{Tolerances, WorldMap};
-use rigsim_settings::{Source, shorten};
+use rigsim_settings::{Source, or_allowed, shorten};
 use schemars::JsonSchema as _;
 use serde_json::{Value, json};
 
@@ -351,7 +351,7 @@ impl Scenario {
             .iter()
             .filter(|(name, _)| !known.contains(&name.as_str()))
             .map(|(name, place)| {
-                let hint = crate::suggest::or_allowed(name, &known);
+                let hint = or_allowed(name, &known);
                 let why = format!("no obstacle is named `{name}`; {hint}");
                 format!("{place}: {}", shorten(why))
             })

@@ -104,3 +104,18 @@ fn moved<T>(value: Spanned<T>, number: usize) -> Spanned<T> {
     let span = value.span();
     Spanned::new(span.start | number..span.end | number, value.into_inner())
 }
+
+/// The table with this name in another one.
+pub(crate) fn table<'d, 't>(parent: &'d DeTable<'t>, name: &str) -> Option<&'d DeTable<'t>> {
+    parent.get(name)?.get_ref().as_table()
+}
+
+/// A table of the list with this name.
+pub(crate) fn element<'d, 't>(
+    parent: &'d DeTable<'t>,
+    list: &str,
+    index: usize,
+) -> Option<&'d DeTable<'t>> {
+    let tables = parent.get(list)?.get_ref().as_array()?;
+    tables.get(index)?.get_ref().as_table()
+}

@@ -39,8 +39,7 @@ pub use effect::{
     TimedFrame, Way, Work, effects,
 };
 pub(crate) use effect::{MOST_ARMED, MOST_EVER};
-pub use framing::{Form, Framing, TextLines};
-pub(crate) use framing::{resized, with_first};
+pub use framing::{Form, Framing};
 pub use host::HostSpec;
 pub use names::{NameInfo, View};
 pub use settings::DeviceSettings;
@@ -159,7 +158,7 @@ impl fmt::Debug for DeviceSpec {
 }
 
 /// A serial link of a device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub struct LinkSpec {
     /// Word for it in scenario files.
     pub id: &'static str,
@@ -167,16 +166,19 @@ pub struct LinkSpec {
     pub name: &'static str,
     /// Cost, for help, of a link that is there only when it is asked for.
     pub optional: Option<&'static str>,
+    /// What it carries.
+    pub framing: Framing,
 }
 
 impl LinkSpec {
     /// A link that is always there.
     #[must_use]
-    pub const fn always(id: &'static str, name: &'static str) -> Self {
+    pub const fn always(id: &'static str, name: &'static str, framing: Framing) -> Self {
         Self {
             id,
             name,
             optional: None,
+            framing,
         }
     }
 }
@@ -298,7 +300,7 @@ pub trait Device: Any + Send + Sync {
         Default::default()
     }
 
-    /// Replaces all that is wrong with the firmware. This and what follows, but for the framing, is
+    /// Replaces all that is wrong with the firmware. This and what follows is
     /// only called if the row has faults of the firmware.
     fn set_defects(&mut self, _now: SimTime, _defects: Defects) {}
 
@@ -316,9 +318,6 @@ pub trait Device: Any + Send + Sync {
     fn reset(&mut self, _now: SimTime, _boot: Duration) -> bool {
         false
     }
-
-    /// Returns the form of what a link carries, for faults that spoil it.
-    fn framing(&self, link: usize) -> &'static dyn Framing;
 }
 
 impl dyn Device {

@@ -28,6 +28,7 @@ use rigsim_settings::{ReadError, Reader};
 use toml::Spanned;
 use toml::de::DeValue;
 
+use crate::device::parameters::LinkName;
 use crate::device::{DeviceSpec, Devices, Effect, EffectInfo, Effects, effects};
 pub use body::BodyFault;
 pub use event::{FaultEvent, FaultPhase};
@@ -140,8 +141,8 @@ impl Checked {
         effect.check()?;
         let link = match &scope.link {
             None => 0,
-            Some(name) => device
-                .link(name.as_str())
+            Some(LinkName(name)) => device
+                .link(name)
                 .ok_or_else(|| format!("{title} has no {name} link"))?,
         };
         if link >= links {

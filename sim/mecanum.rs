@@ -4,7 +4,6 @@
 mod actions;
 pub mod event;
 mod faults;
-mod framing;
 mod host;
 mod names;
 mod settings;
@@ -18,15 +17,13 @@ use rigsim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::device::names::COMMON;
-use crate::device::{
-    Device, DeviceSpec, Framing, LinkSpec, MotorState, Setup, Sum, TextLines, effects,
-};
+use crate::device::{Device, DeviceSpec, Form, Framing, LinkSpec, MotorState, Setup, Sum, effects};
 use crate::effect;
 use crate::event::{EventKind, PlainEvent};
 use crate::firmware::Firmware;
 use crate::mecanum_device::ascii::{COMMANDS, REPORTS};
 use crate::mecanum_device::packet::{Request, Status};
-use crate::mecanum_device::{Link, MecanumDevice, OperatorInput};
+use crate::mecanum_device::{Link, MecanumDevice, OperatorInput, codec};
 use crate::message::Message;
 use crate::noise::Noise;
 use crate::rig::Rig;
@@ -38,11 +35,27 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
     title: "a mecanum car",
     about: "Mecanum car on the rayland-dual board: binary link, and ASCII link with --ros-pty",
     links: &[
-        LinkSpec::always("main", "main"),
+        LinkSpec::always(
+            "main",
+            "main",
+            Framing {
+                form: codec::FORM,
+                name: |packet| match packet.get(2) {
+                    Some(number) => format!("status packet {number}"),
+                    None => "a frame".to_owned(),
+                },
+                unasked: || Status::default().encode(),
+            },
+        ),
         LinkSpec {
             id: "ros",
             name: "ROS",
             optional: Some("this takes the UART of its magnetic sensor"),
+            framing: Framing {
+                form: Form::Lines,
+                name: |_| "a report line".to_owned(),
+                unasked: || b"V0 S0 \n".to_vec(),
+            },
         },
     ],
     starts: &[],
@@ -78,7 +91,7 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
         effect::FIRMWARE,
         effect::MOTORS,
         effects::<faults::MecanumFault>(),
-        effects::<actions::Operator>(),
+        effects::<OperatorInput>(),
     ],
     check_scope: faults::check_scope,
 };
@@ -131,8 +144,8 @@ impl Mecanum {
     /// instead of the magnetic sensor's.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         let MecanumSettings { firmware, plant } = setup.own::<MecanumSettings>().clone();
-        let plant = plant.expecting(firmware.wiring);
-        let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
+        let plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
+        let mut plant = plant.wired(firmware.wiring);
         let chance = format!("{}.ultrasonic", setup.name);
         plant.set_chance(Noise::new(setup.seed, &chance));
         let measured = plant.measurements();
@@ -295,15 +308,5 @@ impl Device for Mecanum {
 
     fn reset(&mut self, now: SimTime, boot: Duration) -> bool {
         self.device.reset(now, boot)
-    }
-
-    fn framing(&self, link: usize) -> &'static dyn Framing {
-        match link {
-            0 => &framing::Packets,
-            _ => &TextLines {
-                name: "a report line",
-                unasked: b"V0 S0 \n",
-            },
-        }
     }
 }

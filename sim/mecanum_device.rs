@@ -39,7 +39,7 @@ use rigsim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS};
 use rigsim_settings::SimTime;
 
 use crate::firmware::{Firmware, Shell};
-use codec::Decoder;
+use crate::scanner::Scanner;
 pub use event::{Discard, Field, Handling, MecanumEvent};
 use kinematics::Movement;
 use locomotion::Locomotion;
@@ -70,14 +70,15 @@ impl Link {
     }
 }
 
-/// Input of an operator with the remote control.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum OperatorInput {
-    /// A key goes down; the car moves so while it is held, in remote-control mode.
-    Press(Movement),
-    /// The key goes up.
-    Release,
+crate::actions! {
+    /// What an operator does.
+    #[derive(Copy, PartialEq)]
+    pub enum OperatorInput: Operator {
+        /// Mecanum car: a motion key of the remote control goes down.
+        Press(Movement) = "press" tries ["\"forward\"", "\"turn-left\""];
+        /// The motion key goes up.
+        Release = "release";
+    }
 }
 
 impl fmt::Display for OperatorInput {
@@ -94,7 +95,7 @@ impl fmt::Display for OperatorInput {
 pub struct MecanumDevice {
     settings: MecanumFirmwareSettings,
     ros_configured: bool,
-    decoder: Decoder<Request>,
+    decoder: Scanner,
     lines: ascii::Decoder,
     drive: Locomotion,
     measured: MecanumMeasurements,
@@ -127,7 +128,7 @@ impl MecanumDevice {
     ) -> Self {
         let mut device = Self {
             ros_configured,
-            decoder: Decoder::new(settings.inter_byte_timeout, settings.byte_order),
+            decoder: codec::decoder::<Request>(settings.inter_byte_timeout),
             lines: ascii::Decoder::default(),
             drive: Locomotion::new(&settings, &measured),
             measured,

@@ -246,6 +246,21 @@ impl MessageInfo {
         })
     }
 
+    /// Turns the bytes of each element of the fields around, which makes of the least significant byte
+    /// first the most significant first, or back.
+    pub fn swap_bytes(&self, payload: &mut [u8]) {
+        let mut rest = payload;
+        for field in self.fields {
+            for _ in 0..field.count.unwrap_or(1) {
+                let Some((element, after)) = rest.split_at_mut_checked(field.wire.size()) else {
+                    return;
+                };
+                element.reverse();
+                rest = after;
+            }
+        }
+    }
+
     /// Reads the fields by name.
     #[must_use]
     pub fn fields(&self, payload: &[u8]) -> Fields {

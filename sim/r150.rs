@@ -3,7 +3,6 @@
 mod actions;
 pub mod event;
 mod faults;
-mod framing;
 mod host;
 mod names;
 mod settings;
@@ -12,7 +11,7 @@ mod watch;
 use std::sync::Arc;
 use std::time::Duration;
 
-use rigsim_physics::r150::{R150Plant, R150Truth, Rail};
+use rigsim_physics::r150::{R150Plant, R150Truth};
 use rigsim_physics::{Plant, Pose, World};
 use rigsim_settings::SimTime;
 
@@ -26,9 +25,9 @@ use crate::event::EventKind;
 use crate::firmware::Firmware;
 use crate::message::Message;
 use crate::noise::Noise;
-use crate::r150_device::R150Device;
-use crate::r150_device::command::{REPLIES, Request};
+use crate::r150_device::command::{REPLIES, Reply, Request, code};
 use crate::r150_device::vehicle::{OperatorInput, Start};
+use crate::r150_device::{R150Device, codec};
 use crate::rig::Rig;
 pub use settings::R150Settings;
 use watch::Watch;
@@ -38,7 +37,7 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
     id: "r150",
     title: "an R150",
     about: "XAG R150 unmanned ground vehicle, through its RS-232 IO module",
-    links: &[LinkSpec::always("main", "RS-232")],
+    links: &[LinkSpec::always("main", "RS-232", FRAMES)],
     starts: &[
         StartSpec {
             id: "ready",
@@ -81,10 +80,23 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
         effect::FIRMWARE,
         effect::MOTORS,
         effects::<faults::R150Fault>(),
-        effects::<actions::Operator>(),
+        effects::<OperatorInput>(),
         effects::<actions::Surroundings>(),
     ],
     check_scope: faults::check_scope,
+};
+
+const FRAMES: Framing = Framing {
+    form: codec::FORM,
+    name: |frame| match codec::parts(frame) {
+        Some((command, _)) => format!("the reply to 0x{command:02X}"),
+        None => "a frame".to_owned(),
+    },
+    unasked: || {
+        let command = code::Heartbeat;
+        let success = true;
+        Reply::Bool { command, success }.encode()
+    },
 };
 
 /// Puts an R150 into the world of a rig; gives its index. Its one link has index 0.
@@ -98,12 +110,6 @@ pub fn add(rig: &mut Rig, name: &str, settings: &R150Settings, start: Start, pos
         seed: 0,
     };
     rig.add(&R150_SPEC, &setup)
-}
-
-/// The bits of outputs.
-fn bits(rails: &[Rail]) -> u8 {
-    let bit = |rail: &Rail| 1 << rail.index();
-    rails.iter().map(bit).fold(0, |bits, bit| bits | bit)
 }
 
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
@@ -272,9 +278,5 @@ impl Device for R150 {
 
     fn reset(&mut self, now: SimTime, boot: Duration) -> bool {
         self.device.reset(now, boot)
-    }
-
-    fn framing(&self, _link: usize) -> &'static dyn Framing {
-        &framing::Frames
     }
 }

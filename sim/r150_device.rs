@@ -40,11 +40,11 @@ use rigsim_settings::SimTime;
 
 use crate::firmware::{Firmware, Shell};
 use crate::noise::Noise;
+use crate::scanner::Scanner;
 use crate::uart;
 use can::{Can, CanFailure};
-use codec::Decoder;
 use command::{Reply, SystemInfo};
-use control::{Control, FULL_DUTY, Parts};
+use control::{Control, FULL_DUTY};
 pub use event::{R150Event, ValueError};
 use motors::{FULL, Motors};
 use protection::Protection;
@@ -63,7 +63,7 @@ pub const CAN_TIMEOUT: Duration = Duration::from_millis(500);
 #[derive(Debug, Clone)]
 pub struct R150Device {
     settings: R150FirmwareSettings,
-    decoder: Decoder,
+    decoder: Scanner,
     control: Control,
     protection: Protection,
     motors: Motors,
@@ -97,7 +97,7 @@ impl R150Device {
         // The decoder sees when a byte has ended, and the pause is from there to the next one's start.
         let pause = settings.inter_byte_timeout + uart::byte_time(settings.baud, 1);
         let mut device = Self {
-            decoder: Decoder::new(pause),
+            decoder: codec::decoder(pause),
             control: Control::new(&settings),
             protection: Protection::new(settings.protection.clone()),
             motors: Motors::default(),
@@ -166,7 +166,7 @@ impl R150Device {
         self.advance_before(now);
         self.event(now, R150Event::Operated(action));
         match action {
-            OperatorInput::AppHolds { power, pwm } => self.control.app_holds(Parts { power, pwm }),
+            OperatorInput::AppHolds(parts) => self.control.app_holds(parts),
             OperatorInput::AppSets(outputs) => self.control.app_sets(outputs),
             _ => self.vehicle.operate(action),
         }

@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use rigsim_core::device::{DeviceSettings, DeviceSpec, Framing};
+use rigsim_core::device::{DeviceSettings, DeviceSpec};
 
 use crate::choice::Choice;
 
@@ -156,8 +156,8 @@ impl Message {
         &self,
         (device, link): (&DeviceSpec, usize),
         settings: &dyn DeviceSettings,
-        framing: &dyn Framing,
     ) -> Vec<u8> {
+        let framing = &device.links[link].framing;
         // Values that do not go together are no command.
         let whole = |command: &Choice| match command.command(device, link, settings) {
             Ok(message) => message.bytes,

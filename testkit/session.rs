@@ -317,11 +317,11 @@ impl Player {
 /// A message on a port of a rig.
 pub(crate) fn bytes(rig: &Rig, settings: &SimSettings, port: PortId, message: &Message) -> Vec<u8> {
     let PortId { device, link } = port;
-    let (Some(spec), Some(device)) = (rig.spec(device), rig.any_device(device)) else {
+    let Some(spec) = rig.spec(device) else {
         return Vec::new();
     };
     let Some(settings) = settings.of_device(spec) else {
         return Vec::new();
     };
-    message.bytes((spec, link), settings, device.framing(link))
+    message.bytes((spec, link), settings)
 }

@@ -1,7 +1,7 @@
 //! Bytes for the decoders.
 //!
 //! Each decoder is compared with a second reading of the same stream that shares no code with it
-//! (`reading`), by every rule that its settings have. The firmware gets the stream whole and in
+//! (`reading`). The firmware gets the stream whole and in
 //! pieces, and must do the same.
 
 mod decode;
@@ -13,30 +13,28 @@ use std::time::Duration;
 
 use rigsim_core::SimTime;
 use rigsim_core::firmware::Firmware as _;
-use rigsim_core::mecanum_device::codec::Decoder as PacketDecoder;
+use rigsim_core::mecanum_device::codec as packets;
 use rigsim_core::mecanum_device::packet::{Request, Status};
-use rigsim_core::mecanum_device::settings::{ByteOrder, MecanumFirmwareSettings};
+use rigsim_core::mecanum_device::settings::MecanumFirmwareSettings;
 use rigsim_core::mecanum_device::{Link, MecanumDevice, ascii};
-use rigsim_core::message::Message;
 use rigsim_core::noise::Noise;
 use rigsim_core::r150_device::R150Device;
-use rigsim_core::r150_device::codec::Decoder;
+use rigsim_core::r150_device::codec;
 use rigsim_core::r150_device::settings::R150FirmwareSettings;
 use rigsim_core::r150_device::vehicle::Start;
 use rigsim_physics::mecanum::MecanumPlant;
 use rigsim_physics::r150::R150Plant;
 use rigsim_physics::{MecanumPlantSettings, Pose, R150PlantSettings, World, WorldSettings};
 
-use decode::{TIMEOUT, decodes, of_frame, of_packet};
+use decode::{TIMEOUT, decodes};
 pub(crate) use reading::whole;
 use reading::{frames_cover, sends_well};
 
 /// A stream that is cut into pieces, with a pause after each.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Stream<'b> {
-    /// Rules by which the decoder goes, a bit for each, in the order of [`r150`], [`mecanum`] and
-    /// [`ascii()`].
-    pub rules: u8,
+    /// A client reads it, instead of the board.
+    pub for_client: bool,
     /// The firmware gets it too; the decoder alone is played ten times as fast.
     pub firmware: bool,
     /// Bytes that are sent.
@@ -48,8 +46,8 @@ pub struct Stream<'b> {
 
 impl<'b> Stream<'b> {
     /// Reads a stream out of a fuzzer's bytes, any of which are one: a byte with the number of cuts
-    /// (its low three bits), a rule, whether the firmware gets it, and three more rules; two bytes
-    /// for each cut; then the stream.
+    /// (its low three bits), whether a client reads it, and whether the firmware gets it; two bytes for
+    /// each cut; then the stream.
     #[must_use]
     pub fn read(data: &'b [u8]) -> Self {
         let (first, rest) = data.split_first().unwrap_or((&0, &[]));
@@ -68,19 +66,10 @@ impl<'b> Stream<'b> {
         cuts.sort_unstable_by_key(|(at, long)| (*at, !long));
         cuts.dedup_by_key(|(at, _)| *at);
         Self {
-            rules: first >> 3 & 1 | first >> 4 & 0b1110,
+            for_client: first & 8 != 0,
             firmware: first & 16 != 0,
             bytes,
             cuts,
-        }
-    }
-
-    /// One of two, as the rule with this number says.
-    fn rule<T>(&self, number: u8, unset: T, set: T) -> T {
-        if self.rules >> number & 1 == 0 {
-            unset
-        } else {
-            set
         }
     }
 
@@ -123,8 +112,7 @@ pub fn r150(stream: &Stream<'_>) {
             noise(),
         )
     });
-    let mut decoder = Decoder::new(TIMEOUT);
-    decodes(stream, &mut decoder, of_frame, reading::frames);
+    decodes(stream, codec::decoder(TIMEOUT), reading::frames);
     if !stream.firmware {
         return;
     }
@@ -174,30 +162,17 @@ fn have_words(mut events: impl Iterator<Item = String>) {
     );
 }
 
-/// Plays a stream to the decoder of a direction of the main link, and to the firmware. Rule 0: to a
-/// client's decoder instead of the board's; 1: the high byte is first.
+/// Plays a stream to the decoder of a direction of the main link, and to the firmware.
 pub fn mecanum(stream: &Stream<'_>) {
-    let order = stream.rule(1, ByteOrder::Little, ByteOrder::Big);
-    if stream.rule(0, false, true) {
-        direction::<Status>(stream, order, &[[0, 39]], Status::encode);
+    if stream.for_client {
+        let decoder = packets::decoder::<Status>(TIMEOUT);
+        decodes(stream, decoder, |part| reading::packets(part, &[[0, 39]]));
     } else {
+        let decoder = packets::decoder::<Request>(TIMEOUT);
         let headers = [[0, 9], [1, 9], [2, 4]];
-        direction::<Request>(stream, order, &headers, Request::encode);
+        decodes(stream, decoder, |part| reading::packets(part, &headers));
         split_mecanum(stream, Link::Main);
     }
-}
-
-fn direction<P: Message>(
-    stream: &Stream<'_>,
-    order: ByteOrder,
-    headers: &[[u8; 2]],
-    encode: fn(&P) -> Vec<u8>,
-) {
-    let mut decoder = PacketDecoder::new(TIMEOUT, order);
-    let of = |decoded| of_packet(encode, order, decoded);
-    decodes(stream, &mut decoder, of, |part| {
-        reading::packets(part, headers)
-    });
 }
 
 fn split_mecanum(stream: &Stream<'_>, link: Link) {

@@ -192,7 +192,7 @@ fn wrong_worlds_and_flags_are_refused_by_name() {
     let at = |place: &str| format!("{shown}:{place}: ");
     let device = ["--device", "mecanum", "--pty", "/tmp/never-made", "--world"];
     for (text, place, says) in [
-        ("schema = 2\n", "1:10", ["`schema`", "allowed: 1"]),
+        ("schema = 2\n", "1:10", ["`schema`", "from 1 to 1"]),
         (
             "schema = 1\n[[wall]]\npoints_m = [[0, 0], [1, 0]]\nthickness = \"5\"\n",
             "4:13",

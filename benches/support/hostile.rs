@@ -7,9 +7,9 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use rigsim_core::SimTime;
-use rigsim_core::mecanum_device::settings::ByteOrder;
 use rigsim_core::mecanum_device::{ascii, codec as packets, packet};
 use rigsim_core::r150_device::codec as frames;
+use rigsim_core::scanner::Scanner;
 
 use super::{Aim, Options, Table, alternate, cpu_seconds, nanos};
 
@@ -22,21 +22,7 @@ trait Decode {
     fn silence(&mut self, now: SimTime);
 }
 
-impl Decode for frames::Decoder {
-    fn push(&mut self, now: SimTime, byte: u8) {
-        self.push(now, byte, &mut |found| {
-            black_box(found);
-        });
-    }
-
-    fn silence(&mut self, now: SimTime) {
-        self.expire(now, &mut |found| {
-            black_box(found);
-        });
-    }
-}
-
-impl Decode for packets::Decoder<packet::Request> {
+impl Decode for Scanner {
     fn push(&mut self, now: SimTime, byte: u8) {
         self.push(now, byte, &mut |found| {
             black_box(found);
@@ -113,7 +99,7 @@ pub fn rows(options: &Options, table: &Table) {
         ),
         Stream::torn("nested frames, torn", &[0xAA, 0x55, 0xFF], 260),
     ];
-    let decoder = || frames::Decoder::new(SILENCE);
+    let decoder = || frames::decoder(SILENCE);
     beside(options, table, "R150", decoder, &frame, &streams);
 
     let motion = packet::Request::Motion {
@@ -130,7 +116,7 @@ pub fn rows(options: &Options, table: &Table) {
         Stream::torn("nested packets, torn", &[0, 9], 8),
         Stream::torn("noise, a silence after each byte", &[4, 9, 7], 1),
     ];
-    let decoder = || packets::Decoder::<packet::Request>::new(SILENCE, ByteOrder::Little);
+    let decoder = || packets::decoder::<packet::Request>(SILENCE);
     beside(
         options,
         table,
@@ -146,14 +132,12 @@ pub fn rows(options: &Options, table: &Table) {
         Stream::torn("noise, a silence after each byte", &[4, 2, 1], 1),
         Stream::torn("nested packets of the greatest length, torn", &[255], 254),
     ];
-    let decoder = || packets::Decoder::<packet::Request>::new(SILENCE, ByteOrder::Big);
-    let big = motion.encode_in(ByteOrder::Big);
     beside(
         options,
         table,
-        "car's packets, high byte first",
+        "car's packets, further",
         decoder,
-        &big,
+        &motion.encode(),
         &streams,
     );
 

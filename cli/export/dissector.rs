@@ -1,8 +1,7 @@
 //! Dissectors of the protocols of devices for Wireshark, from the declarations of their messages.
 
-use rigsim_core::device::{DeviceSpec, Form, Setup};
+use rigsim_core::device::{DeviceSpec, Form};
 use rigsim_core::message::{FieldInfo, MessageInfo, Sender, WireType};
-use rigsim_physics::{Pose, World, WorldSettings};
 use serde_json::{Value, json};
 
 /// What is the same for all protocols.
@@ -18,30 +17,19 @@ pub(super) fn dissector_name(device: &DeviceSpec, link: usize) -> String {
 
 /// The dissector of all links of a device, in Lua.
 pub(crate) fn dissector(spec: &DeviceSpec) -> String {
-    let settings = (spec.settings)();
-    let mut world = World::new(&WorldSettings::default());
-    let setup = Setup {
-        name: spec.id,
-        settings: &*settings,
-        start: 0,
-        links: spec.links.len(),
-        pose: Pose::default(),
-        seed: 0,
-    };
-    let device = (spec.build)(&setup, &mut world);
     let mut text = format!(
         "-- Dissector for {} in Wireshark. `sim schema {} --format lua` prints it; do not edit.\n{TEMPLATE}",
         spec.title, spec.id
     );
     for (link, link_spec) in spec.links.iter().enumerate() {
         let messages = spec.all_messages().filter(|info| info.link == link);
-        let form = match device.framing(link).form() {
+        let form = match link_spec.framing.form {
             Form::Frames {
                 id_at,
                 fields_at,
-                checked,
+                check,
                 ..
-            } => json!({"id_at": id_at, "fields_at": fields_at, "checked": checked}),
+            } => json!({"id_at": id_at, "fields_at": fields_at, "checked": check.is_some()}),
             Form::Lines => json!({"lines": true}),
         };
         let name = dissector_name(spec, link);

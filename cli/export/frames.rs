@@ -37,8 +37,8 @@ impl Streams {
         let mut streams = BTreeMap::new();
         for port in run.ports() {
             let plan = &run.scenario().rig.devices[port.device];
-            let device = run.rig().any_device(port.device);
-            let form = device.map(|device| device.framing(port.link).form());
+            let form = plan.device.links.get(port.link);
+            let form = form.map(|link| link.framing.form);
             let Some(own) = plan.own_settings() else {
                 continue;
             };

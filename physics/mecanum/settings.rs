@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rigsim_settings::settings;
 
-use super::signals::{Plugs, Wheel, Wiring};
+use super::signals::Wheel;
 use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
 
@@ -13,11 +13,7 @@ const S: fn(u64) -> Duration = Duration::from_secs;
 
 settings! {
     /// The car around the board.
-    pub struct MecanumPlantSettings {
-        /// Plugs that the motors of LF, RF, LR, RR are really in, whatever the firmware expects.
-        plugs: Plugs = Plugs::AsExpected,
-            assumed "a car that is wired as its firmware expects";
-    }
+    pub struct MecanumPlantSettings {}
     groups {
         /// Chassis and payload.
         body: CarBodySettings,
@@ -179,17 +175,6 @@ settings! {
     pub struct BarSettings {
         /// Place of its middle ahead of the car's middle.
         x: f64 = 0.15, unit "m", range -5.0..=5.0, assumed "near the front edge";
-    }
-}
-
-impl MecanumPlantSettings {
-    /// The same car with its wiring settled for a firmware that expects `wiring`.
-    #[must_use]
-    pub fn expecting(&self, wiring: Wiring) -> Self {
-        Self {
-            plugs: Plugs::Like(self.plugs.wiring(wiring)),
-            ..self.clone()
-        }
     }
 }
 

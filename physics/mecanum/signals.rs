@@ -8,7 +8,7 @@ mod wiring;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-pub use wiring::{PlugSwaps, Plugs, Wiring};
+pub use wiring::{PlugSwaps, Wiring};
 
 /// Number of motor ports of the board.
 pub const PORTS: usize = 5;

@@ -10,7 +10,7 @@ mod car;
 
 use car::MOTIONS;
 use rigsim_physics::faults::{EncoderState, MotorFaults};
-use rigsim_physics::mecanum::{Plugs, Wheel, Wiring};
+use rigsim_physics::mecanum::{Wheel, Wiring};
 use rigsim_physics::{
     MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
@@ -65,14 +65,11 @@ impl Scene {
         let map = WorldMap::from_toml(text, "yard.toml").unwrap();
         let mut world = World::with_map(&WorldSettings::default(), &map);
         let settings = MecanumPlantSettings::default();
-        let other = MecanumPlantSettings {
-            plugs: Plugs::Like(Wiring::X_Y_Z_E0),
-            ..settings.clone()
-        };
         let at = |x, y, heading| Pose { x, y, heading };
         let cars = [
             MecanumPlant::with_name("first", &settings, &mut world, at(0.0, 0.0, 0.2)),
-            MecanumPlant::with_name("second", &other, &mut world, at(0.9, 0.3, 2.9)),
+            MecanumPlant::with_name("second", &settings, &mut world, at(0.9, 0.3, 2.9))
+                .wired(Wiring::X_Y_Z_E0),
         ];
         let r150 = R150Plant::new(
             &R150PlantSettings::default(),

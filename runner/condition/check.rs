@@ -6,11 +6,10 @@ use cel::common::ast::{CallExpr, Expr, IdedExpr, LiteralValue, operators};
 use cel::common::types::CelDouble;
 use rigsim_core::device::NameInfo;
 use rigsim_core::device::names::Unit;
-use rigsim_settings::nearest;
+use rigsim_settings::{nearest, or_allowed};
 
 use super::{Devices, Origin, Reading, Saved};
 use crate::renamed::{self, Kind};
-use crate::suggest::or_allowed;
 
 /// What the names of published numbers begin with, as some names of devices do.
 pub(crate) const CLIENT: &str = "client.";

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use rigsim_core::device::{DeviceSpec, Devices};
 use rigsim_core::settings::SimSettings;
 use rigsim_physics::Pose;
-use rigsim_settings::{Angle, Length, ReadError, nearest, read};
+use rigsim_settings::{Angle, Length, ReadError, nearest, or_allowed, read};
 use schemars::{JsonSchema, SchemaGenerator};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
@@ -17,7 +17,6 @@ use super::MOST_DEVICES;
 use crate::forgiving::{self, LeftOut};
 use crate::problems::Problems;
 use crate::schema;
-use crate::suggest::or_allowed;
 
 // Tables of settings are read a second time, with the places of their keys.
 

@@ -2,7 +2,6 @@
 
 use rigsim_core::SimTime;
 use rigsim_core::device::host::{Frame, FrameReader, Reply, Sender};
-use rigsim_core::event::Hex;
 use rigsim_core::line::ClientLine;
 use rigsim_core::rig::PortId;
 
@@ -11,9 +10,6 @@ use super::record::{Hexed, Record};
 use super::{Run, RunError};
 use crate::rig_file::DevicePlan;
 use crate::scenario::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
-
-/// Most bytes kept for a comparison.
-const MOST_RAW: usize = 4096;
 
 /// The scripted client's end of a port.
 pub(super) struct HostPort {
@@ -29,7 +25,6 @@ struct Waiting {
     step: usize,
     due: SimTime,
     wanted: ReplyWanted,
-    raw: Vec<u8>,
     /// Reason for which what came so far is not it.
     so_far: String,
 }
@@ -54,24 +49,10 @@ enum Verdict {
 }
 
 impl Waiting {
-    fn byte(&mut self, byte: u8, chatters: bool) -> Verdict {
-        if self.raw.len() < MOST_RAW {
-            self.raw.push(byte);
-        }
+    fn byte(&self, byte: u8) -> Verdict {
         match &self.wanted.wanted {
             Wanted::Silence => Verdict::Wrong(format!("wanted silence, {byte:02X} came")),
-            Wanted::Bytes(bytes) if chatters => {
-                if self.raw.ends_with(bytes) {
-                    Verdict::Came
-                } else {
-                    Verdict::Continue
-                }
-            }
-            Wanted::Bytes(bytes) if !bytes.starts_with(&self.raw) => {
-                Verdict::Wrong(format!("wanted {}, {} came", Hex(bytes), Hex(&self.raw)))
-            }
-            Wanted::Bytes(bytes) if self.raw.len() == bytes.len() => Verdict::Came,
-            _ => Verdict::Continue,
+            Wanted::Any | Wanted::Fields(_) => Verdict::Continue,
         }
     }
 
@@ -89,7 +70,7 @@ impl Waiting {
                 }
                 Err(why) => Verdict::Wrong(why),
             },
-            Wanted::Bytes(_) | Wanted::Silence => Verdict::Continue,
+            Wanted::Silence => Verdict::Continue,
         }
     }
 }
@@ -140,7 +121,6 @@ impl Run {
                 step,
                 due,
                 wanted: wanted.clone(),
-                raw: Vec::new(),
                 so_far: String::new(),
             });
             self.agenda.plan(due, Item::Look);
@@ -188,7 +168,7 @@ impl Run {
             let found = host.reader.push(now, byte);
             let found: Vec<Reply> = found.iter().filter_map(Frame::reply).collect();
             host.waiting.retain_mut(|waiting| {
-                let mut verdict = waiting.byte(byte, chatters);
+                let mut verdict = waiting.byte(byte);
                 for found in &found {
                     if matches!(verdict, Verdict::Continue) {
                         verdict = waiting.found(found, chatters);
@@ -244,9 +224,8 @@ impl Waiting {
     fn missing(&self) -> String {
         let within = rigsim_settings::show_duration(self.wanted.within);
         let wanted = match &self.wanted.wanted {
-            Wanted::Any | Wanted::Silence => "an answer".to_owned(),
-            Wanted::Fields(_) => "an answer with these fields".to_owned(),
-            Wanted::Bytes(bytes) => format!("{}", Hex(bytes)),
+            Wanted::Any | Wanted::Silence => "an answer",
+            Wanted::Fields(_) => "an answer with these fields",
         };
         format!("wanted {wanted} within {within}, none came{}", self.so_far)
     }

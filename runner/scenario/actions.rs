@@ -1,15 +1,14 @@
 //! Effects of steps: faults, actions of operators, changes around a vehicle.
 
 use rigsim_core::effect::{self, Checked};
-use rigsim_settings::{Part, ReadError, Wrong, nearest, read as read_value};
+use rigsim_settings::{Part, ReadError, Wrong, nearest, or_allowed, read as read_value};
 use serde::de::Error as _;
 use toml::Spanned;
 use toml::de::DeValue;
 
+use crate::forgiving::find;
 use crate::renamed::{self, Kind, is_like};
 use crate::rig_file::DevicePlan;
-use crate::suggest::or_allowed;
-use crate::tables;
 
 /// The keys under which steps have effects, each with how one is written.
 const KEYS: [(&str, &str, &str); 3] = [
@@ -34,7 +33,7 @@ pub(super) fn read(
             let why = "a fault is a table, as in `{ kind = \"mute\" }`";
             return Err(ReadError::custom(why));
         }
-        _ => tables::name_of(value).unwrap_or_default().to_owned(),
+        _ => name_of(value).unwrap_or_default().to_owned(),
     };
     if name.is_empty() {
         let known = effect::names(plan.device, key).join(", ");
@@ -95,7 +94,7 @@ fn explained(
 ) -> ReadError {
     let takes = |word: &str| {
         let mut value = value.clone();
-        let place = tables::find(&mut value, &error.path)?;
+        let place = find(&mut value, &error.path)?;
         *place.get_mut() = DeValue::String(word.to_owned().into());
         let effect = effect::read(plan.device, (key, name), &value).ok()??;
         Checked::new(effect, plan.device, plan.ports.len()).ok()
@@ -118,4 +117,15 @@ fn explained(
     };
     error.why = explained;
     error
+}
+
+/// Name of a word or a table with one key: `unlock`, or `press` of `{ press = "left" }`.
+fn name_of<'d>(value: &'d Spanned<DeValue<'_>>) -> Option<&'d str> {
+    match value.get_ref() {
+        DeValue::String(word) => Some(word),
+        DeValue::Table(table) if table.len() == 1 => {
+            table.keys().next().map(|key| key.get_ref().as_ref())
+        }
+        _ => None,
+    }
 }

@@ -22,18 +22,16 @@ use crate::forgiving::{self, LeftOut};
 use crate::problems::{Problems, Put};
 use crate::rig_file::{RigPlan, RigText};
 use crate::sources::{MOST_FILES, Sources};
-use crate::tables::Tables;
 
 /// Reads a scenario file with those that it is based on; its settings change those of `base`.
 pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, FileErrors> {
     let sources = Sources(texts.files);
     let mut problems = Problems::new(sources);
-    let (root, parameters) = composed(sources, texts, &mut problems)?;
+    let (mut tables, parameters) = composed(sources, texts, &mut problems)?;
     let (parameters, text_parameters) = (parameters.values(), parameters.texts());
-    let mut tables = Tables(root);
-    let scripted = scripts(&mut tables.0, &mut problems);
+    let scripted = scripts(&mut tables, &mut problems);
     let mut left_out = LeftOut::default();
-    let document = forgiving::read_table(&mut tables.0, &mut left_out, &mut problems);
+    let document = forgiving::read_table(&mut tables, &mut left_out, &mut problems);
     let Some(document) = document else {
         return Err(problems.into_error());
     };
@@ -243,8 +241,8 @@ pub(crate) fn read_step(
 ) -> Result<(Step, Vec<Saved>), FileErrors> {
     let sources = Sources(&[source]);
     let mut problems = Problems::new(sources);
-    let mut tables = Tables(sources.tables(0)?);
-    let text = forgiving::read_table(&mut tables.0, &mut LeftOut::default(), &mut problems);
+    let mut tables = sources.tables(0)?;
+    let text = forgiving::read_table(&mut tables, &mut LeftOut::default(), &mut problems);
     let mut text: StepText = match text {
         Some(text) if problems.is_empty() => text,
         _ => return Err(problems.into_error()),
@@ -300,7 +298,7 @@ struct Checker<'a> {
     parameters: &'a BTreeMap<String, Reading>,
     /// Parameters that are texts, which no condition can speak of.
     text_parameters: Vec<(String, Put)>,
-    tables: Tables<'a>,
+    tables: DeTable<'a>,
     /// Steps by their names.
     names: BTreeMap<String, usize>,
     limit: Duration,

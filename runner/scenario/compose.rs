@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use rigsim_settings::Source;
+use rigsim_settings::{Source, or_allowed};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::condition::Reading;
 use crate::problems::{Problems, Put};
-use crate::suggest::or_allowed;
 
 /// The files of a scenario, and what is given with them.
 #[derive(Debug, Clone, Copy)]

@@ -297,8 +297,8 @@ pub(crate) enum PortText {
 #[derive(JsonSchema)]
 pub(crate) struct CommandText {}
 
-/// Reply that must come back: any reply, unless `reply`, `bytes` or `silence` says more. An R150's next
-/// reply to the command must match; of a mecanum car's packets, one must match.
+/// Reply that must come back: any reply, unless `reply` or `silence` says more. An R150's next reply to
+/// the command must match; of a mecanum car's packets, one must match.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ReplyText {
@@ -309,9 +309,6 @@ pub(crate) struct ReplyText {
     /// range: `{ min = 1, max = 5 }`.
     #[schemars(with = "Option<std::collections::BTreeMap<String, serde_json::Value>>")]
     pub reply: Option<Spanned<toml::Table>>,
-    /// The bytes themselves, hexadecimal.
-    #[schemars(with = "Option<String>")]
-    pub bytes: Option<Spanned<String>>,
     /// No reply may come.
     #[serde(default)]
     pub silence: bool,

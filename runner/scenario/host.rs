@@ -6,6 +6,7 @@ use std::time::Duration;
 use rigsim_core::device::host::{Field, Fields, Message};
 use rigsim_core::event::read_hex;
 use rigsim_core::rig::PortId;
+use rigsim_settings::or_allowed;
 use toml::de::DeValue;
 use toml::{Spanned, Value};
 
@@ -13,9 +14,8 @@ use super::document::{HostText, PortText, ReplyText};
 use crate::forgiving::{self, LeftOut};
 use crate::problems::Problems;
 use crate::rig_file::DevicePlan;
-use crate::suggest::or_allowed;
 
-/// Most bytes that a step sends or expects.
+/// Most bytes that a step sends.
 const MOST_BYTES: usize = 1024;
 
 /// Action of the scripted client at a port.
@@ -50,7 +50,6 @@ pub(crate) enum Wanted {
     /// Any answer.
     Any,
     Fields(Vec<(String, FieldWanted)>),
-    Bytes(Vec<u8>),
     Silence,
 }
 
@@ -179,9 +178,8 @@ impl HostReader<'_, '_> {
         names: Option<&[&str]>,
         command: Option<u8>,
     ) -> Option<ReplyWanted> {
-        let wanted = [text.reply.is_some(), text.bytes.is_some(), text.silence];
-        if wanted.into_iter().filter(|is_there| *is_there).count() > 1 {
-            let why = "only one of `reply`, `bytes` and `silence` can be expected";
+        if text.reply.is_some() && text.silence {
+            let why = "only one of `reply` and `silence` can be expected";
             self.problems.add(text.within.span(), why);
         }
         let wanted = if let Some(reply) = &text.reply {
@@ -198,11 +196,6 @@ impl HostReader<'_, '_> {
                 fields.extend(field.map(|field| (name.clone(), field)));
             }
             Wanted::Fields(fields)
-        } else if let Some(bytes) = &text.bytes {
-            Wanted::Bytes(
-                self.problems
-                    .take(bytes.span(), bytes_of(bytes.get_ref()))?,
-            )
         } else if text.silence {
             Wanted::Silence
         } else {

@@ -115,7 +115,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         (
             &format!(
                 "{step}host = {{ send = \"heartbeat\", expect = {{ within = \"1s\", \
-                 silence = true, bytes = \"AA\" }} }}"
+                 silence = true, reply = {{ success = true }} }} }}"
             ),
             "only one of `reply`",
         ),

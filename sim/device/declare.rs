@@ -202,6 +202,7 @@ macro_rules! faults {
 macro_rules! actions {
     (
         $(#[doc = $of_all:literal])+
+        $(#[derive($($derive:ident),+)])?
         $vis:vis enum $of:ident: $level:ident { $(
             $(#[doc = $summary:literal])+
             $(#[schemars($($schemars:tt)*)])?
@@ -212,6 +213,7 @@ macro_rules! actions {
     ) => {
         $(#[doc = $of_all])+
         #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
+        $(#[derive($($derive),+)])?
         $vis enum $of { $(
             $(#[doc = $summary])+
             $(#[schemars($($schemars)*)])?

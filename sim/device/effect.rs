@@ -19,8 +19,8 @@ use rigsim_settings::{ReadError, Reader, SimTime};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
 
-use super::Device;
 use super::parameters::Scope;
+use super::{Device, Framing};
 use crate::defects::Defects;
 use crate::line::Adapter;
 use crate::noise::Noise;
@@ -207,8 +207,8 @@ pub struct Begin<'a> {
     pub device: &'a mut dyn Device,
     /// The world around it.
     pub world: &'a mut World,
-    /// Index of the link.
-    pub link: usize,
+    /// Frames of the link on which it acts.
+    pub framing: Framing,
     /// What it hits.
     pub tally: &'a mut Tally,
     /// Returns random numbers of its own for each purpose.

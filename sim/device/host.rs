@@ -1,12 +1,15 @@
 //! Speech of a scripted client with a device: commands by name, replies by their fields.
 
+use std::time::Duration;
+
 use rigsim_settings::{ReadError, SimTime};
 use schemars::{Schema, SchemaGenerator};
 use toml::Spanned;
 use toml::de::DeValue;
 
-use super::DeviceSettings;
+use super::{DeviceSettings, DeviceSpec};
 pub use crate::message::{Field, Fields, MessageInfo, Sender};
+use crate::scanner::{Decoded, Form, Scanner};
 
 /// Commands and replies of a device, for scripted clients.
 #[derive(Clone, Copy)]
@@ -38,6 +41,111 @@ pub struct Message {
 pub trait FrameReader: Send {
     /// Takes a byte that came at `now`; returns what ends with it, or has ended before it.
     fn push(&mut self, now: SimTime, byte: u8) -> Vec<Frame>;
+}
+
+/// Silence after which a client gives up a frame that was begun.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// Finds frames of a form that are messages of a device or of its clients on a link; `swapped` says
+/// that numbers have their most significant byte first.
+#[must_use]
+pub fn frames(
+    form: Form,
+    (device, link): (&DeviceSpec, usize),
+    sender: Sender,
+    swapped: bool,
+) -> Box<dyn FrameReader> {
+    let messages = device.all_messages();
+    let messages: Vec<_> = messages
+        .filter(|info| info.link == link && info.sender == sender)
+        .collect();
+    let pause = match form {
+        Form::Frames { .. } => PAUSE,
+        // It may be typed.
+        Form::Lines => Duration::MAX,
+    };
+    Box::new(Frames {
+        form,
+        scanner: Scanner::new(form, messages.iter().copied(), pause),
+        messages,
+        swapped,
+    })
+}
+
+struct Frames {
+    form: Form,
+    messages: Vec<&'static MessageInfo>,
+    scanner: Scanner,
+    swapped: bool,
+}
+
+impl FrameReader for Frames {
+    fn push(&mut self, now: SimTime, byte: u8) -> Vec<Frame> {
+        let mut found = Vec::new();
+        self.scanner.expire(now, &mut |decoded| found.push(decoded));
+        self.scanner
+            .push(now, byte, &mut |decoded| found.push(decoded));
+        let frame = |decoded| match decoded {
+            Decoded::Frame(bytes) => self.frame(bytes),
+            Decoded::Wrong(bytes) => Frame {
+                command: self.command(&bytes),
+                ..Frame::none(bytes)
+            },
+            Decoded::Partial(bytes) | Decoded::Noise(bytes) => Frame::none(bytes),
+        };
+        found.into_iter().map(frame).collect()
+    }
+}
+
+impl Frames {
+    /// The command byte of a frame that says so.
+    fn command(&self, bytes: &[u8]) -> Option<u8> {
+        match self.form {
+            Form::Frames { id_at, answers, .. } => answers.and(bytes.get(id_at).copied()),
+            Form::Lines => None,
+        }
+    }
+
+    fn frame(&self, bytes: Vec<u8>) -> Frame {
+        let Form::Frames {
+            id_at,
+            answers,
+            fields_at,
+            check,
+            ..
+        } = self.form
+        else {
+            let mut lines = self.messages.iter();
+            let is_it = |info: &&&MessageInfo| info.values(&bytes).count() == info.fields.len();
+            let message = lines.find(is_it).map(|info| (*info, bytes.clone()));
+            return Frame {
+                message,
+                ..Frame::none(bytes)
+            };
+        };
+        let tail = if check.is_some() { 2 } else { 0 };
+        let mut payload = bytes[fields_at..bytes.len() - tail].to_vec();
+        let find = |id: u8| {
+            // What takes no parameters takes any.
+            let fits = |info: &&&MessageInfo| {
+                let takes_any = info.sender == Sender::Client && info.fields.is_empty();
+                info.id == id && (takes_any || info.length == payload.len())
+            };
+            self.messages.iter().find(fits).copied()
+        };
+        let id = bytes[id_at];
+        let plain = id & !answers.unwrap_or(0);
+        let found = find(id).or_else(|| find(plain));
+        if let Some(info) = found.filter(|_| self.swapped) {
+            info.swap_bytes(&mut payload);
+        }
+        Frame {
+            command: answers.map(|_| found.map_or(id, |info| info.id)),
+            command_byte: answers.map(|_| id),
+            message: found.map(|info| (info, payload)),
+            bytes,
+        }
+    }
 }
 
 /// A frame of either side, or bytes that are none.

@@ -1,59 +1,27 @@
 //! The parameters that many faults take.
 
 use std::borrow::Cow;
-use std::fmt;
 use std::time::Duration;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 rigsim_settings::quantities! {
     /// Time between two of what comes again and again.
     pub Interval: Duration, unit "s", range Duration::from_millis(1)..=Duration::from_hours(24),
         example "100ms";
+    /// A share of chances.
+    pub Probability: f64, range 0.0..=1.0, example "0.5";
 }
-
-/// A share of chances, 0 to 1.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Deserialize)]
-#[serde(try_from = "f64")]
-pub struct Probability(f64);
 
 impl Probability {
     /// Without fail.
     pub const ALWAYS: Self = Self(1.0);
-
-    /// As a number from 0 to 1.
-    #[must_use]
-    pub fn get(self) -> f64 {
-        self.0
-    }
 }
 
 impl Default for Probability {
     fn default() -> Self {
         Self::ALWAYS
-    }
-}
-
-impl TryFrom<f64> for Probability {
-    type Error = String;
-
-    fn try_from(value: f64) -> Result<Self, String> {
-        if (0.0..=1.0).contains(&value) {
-            Ok(Self(value))
-        } else {
-            Err(format!("{value} is not a probability; allowed: 0 to 1"))
-        }
-    }
-}
-
-impl JsonSchema for Probability {
-    fn schema_name() -> Cow<'static, str> {
-        "Probability".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"type": "number", "minimum": 0, "maximum": 1})
     }
 }
 
@@ -93,38 +61,13 @@ rigsim_settings::words! {
 }
 
 /// A serial link of a device, by the id that its row gives it.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(transparent)]
-pub struct LinkName(Cow<'static, str>);
-
-impl LinkName {
-    /// As it is in files.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
+pub struct LinkName(pub Cow<'static, str>);
 
 /// The main link, which every device has.
 impl Default for LinkName {
     fn default() -> Self {
         Self(Cow::Borrowed("main"))
-    }
-}
-
-impl fmt::Display for LinkName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl JsonSchema for LinkName {
-    fn schema_name() -> Cow<'static, str> {
-        "LinkName".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"type": "string"})
     }
 }
 

@@ -66,7 +66,7 @@ impl BodyFault {
         match self {
             Self::Ice { friction } => {
                 let most = body.friction.unwrap_or(f64::INFINITY);
-                body.friction = Some(most.min(friction.get()));
+                body.friction = Some(most.min(friction.0));
             }
             Self::Payload { mass } => body.payload += mass.0,
             Self::Push { ahead, left, turn } => {

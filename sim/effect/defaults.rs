@@ -7,10 +7,6 @@ use rigsim_settings::{Force, Length, Percent, Resistance, Span, Temperature, Tor
 use crate::device::parameters::{Direction, Interval, Motors, Probability};
 use crate::line::Adapter;
 
-fn share(value: f64) -> Probability {
-    Probability::try_from(value).unwrap_or_default()
-}
-
 const fn millis(millis: u64) -> Span {
     Span(Duration::from_millis(millis))
 }
@@ -25,8 +21,8 @@ macro_rules! defaults {
 
 defaults! {
     always: Probability = Probability::ALWAYS;
-    rarely: Probability = share(0.01);
-    ice: Probability = share(0.05);
+    rarely: Probability = Probability(0.01);
+    ice: Probability = Probability(0.05);
     burst_length: u16 = 8;
     piece: u16 = 3;
     one_less: i8 = -1;

@@ -155,7 +155,7 @@ impl Effect for FrameFault {
 }
 
 impl FrameFault {
-    fn change(&self, framing: &dyn Framing, frame: Vec<u8>, before: Option<Vec<u8>>) -> Changed {
+    fn change(&self, framing: &Framing, frame: Vec<u8>, before: Option<Vec<u8>>) -> Changed {
         let at_once = |frame| vec![(Duration::ZERO, frame)];
         Changed::To(match self {
             Self::WrongCommand { with, .. } => at_once(framing.with_command(frame, *with)),
@@ -189,7 +189,7 @@ const MOST_OF_ONE: usize = 16;
 
 /// A fault of frames at work: `change` gets a frame and the one before it.
 pub struct Frames<F> {
-    framing: &'static dyn Framing,
+    framing: Framing,
     scope: Scope,
     noise: Noise,
     change: F,
@@ -200,12 +200,12 @@ pub struct Frames<F> {
 
 impl<F> Frames<F>
 where
-    F: Fn(&dyn Framing, Vec<u8>, Option<Vec<u8>>) -> Changed + Send + Sync,
+    F: Fn(&Framing, Vec<u8>, Option<Vec<u8>>) -> Changed + Send + Sync,
 {
     /// A fault that changes the frames that its scope says.
     pub fn new(at: &Begin<'_>, scope: Scope, change: F) -> Self {
         Self {
-            framing: at.device.framing(at.link),
+            framing: at.framing,
             scope,
             noise: (at.stream)("frames"),
             change,
@@ -218,24 +218,24 @@ where
 
 impl<F> OnFrames for Frames<F>
 where
-    F: Fn(&dyn Framing, Vec<u8>, Option<Vec<u8>>) -> Changed + Send + Sync,
+    F: Fn(&Framing, Vec<u8>, Option<Vec<u8>>) -> Changed + Send + Sync,
 {
     fn pass(&mut self, frames: &mut Vec<TimedFrame>, tally: &mut Tally) {
         let (command, most) = (self.scope.command, self.scope.count);
-        let chance = self.scope.probability.get();
+        let chance = self.scope.probability.0;
         for (at, frame) in std::mem::take(frames) {
             let wanted = command.is_none_or(|command| self.framing.is_command(&frame, command));
             let happens = wanted && self.noise.uniform() < chance && tally.is_below(most);
             let before = self.previous.replace(frame.clone());
             let changed = if happens {
-                (self.change)(self.framing, frame.clone(), before)
+                (self.change)(&self.framing, frame.clone(), before)
             } else {
                 Changed::Nothing(frame.clone())
             };
             match changed {
                 Changed::Nothing(frame) => frames.push((at, frame)),
                 Changed::To(changed) => {
-                    tally.hit(|| self.framing.name(&frame));
+                    tally.hit(|| (self.framing.name)(&frame));
                     frames.extend(changed.into_iter().map(|(by, frame)| (at + by, frame)));
                 }
             }
@@ -251,14 +251,14 @@ where
         self.due.filter(|due| *due <= now)?;
         let more = tally.is_below(self.scope.count);
         self.due = self.every.filter(|_| more).map(|every| now + every);
-        let bytes = more.then(|| self.framing.unasked())?;
+        let bytes = more.then(|| (self.framing.unasked)())?;
         tally.hit(|| format!("{} bytes without a request", bytes.len()));
         Some(bytes)
     }
 }
 
 /// So many bytes more or fewer, or a length field that says so.
-fn with_length(framing: &dyn Framing, mut frame: Vec<u8>, by: i8, what: WrongLength) -> Vec<u8> {
+fn with_length(framing: &Framing, mut frame: Vec<u8>, by: i8, what: WrongLength) -> Vec<u8> {
     match (what, framing.length_at()) {
         (WrongLength::Field, Some(at)) => {
             if let Some(length) = frame.get_mut(at) {

@@ -24,7 +24,7 @@ use crate::device::{EffectError, EffectHandle};
 use crate::event::Event;
 use crate::line::Wire;
 use crate::mecanum::{Mecanum, MecanumSettings};
-use crate::mecanum_device::codec::{Decoded, Decoder};
+use crate::mecanum_device::codec as packets;
 use crate::mecanum_device::packet::{Request as Packet, Status};
 use crate::mecanum_device::settings::ByteOrder;
 use crate::r150::{R150, R150Settings};
@@ -33,6 +33,7 @@ use crate::r150_device::command::SystemInfo;
 use crate::r150_device::command::{Reply, Request};
 use crate::r150_device::vehicle::Start;
 use crate::rig::{PortId, Rig, RigSettings};
+use crate::scanner::Decoded;
 
 const MAIN: PortId = PortId { device: 0, link: 0 };
 const ROS: PortId = PortId { device: 0, link: 1 };
@@ -188,12 +189,12 @@ fn replies(rig: &mut Rig, request: Request) -> Vec<Reply> {
 }
 
 fn frames(bytes: &[u8]) -> Vec<Reply> {
-    let mut decoder = codec::Decoder::new(MS(1000));
+    let mut decoder = codec::decoder(MS(1000));
     let mut found = Vec::new();
     for &byte in bytes {
         decoder.push(SimTime::ZERO, byte, &mut |decoded| {
-            if let codec::Decoded::Frame(frame) = decoded {
-                found.extend(Reply::parse(frame.command(), frame.parameters()));
+            if let Decoded::Frame(frame) = decoded {
+                found.extend(Reply::of(&frame));
             }
         });
     }
@@ -226,12 +227,12 @@ fn drive(rig: &mut Rig, right: i16, left: i16, times: u32) -> [i16; 2] {
 }
 
 fn statuses(bytes: &[u8]) -> Vec<Status> {
-    let mut decoder: Decoder<Status> = Decoder::new(MS(1000), ByteOrder::Little);
+    let mut decoder = packets::decoder::<Status>(MS(1000));
     let mut found = Vec::new();
     for &byte in bytes {
         decoder.push(SimTime::ZERO, byte, &mut |decoded| {
-            if let Decoded::Packet(status) = decoded {
-                found.push(status);
+            if let Decoded::Frame(packet) = decoded {
+                found.extend(packets::parse::<Status>(&packet, ByteOrder::Little));
             }
         });
     }

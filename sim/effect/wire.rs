@@ -294,7 +294,7 @@ impl AtWork {
         tally: &mut Tally,
     ) {
         let more = tally.is_below(self.scope.count);
-        let chance = self.scope.probability.get();
+        let chance = self.scope.probability.0;
         let own = &mut self.ways[way.index()];
         // A draw for each byte, whether it is used or not, so that the limit shifts nothing.
         let mut happens = || own.noise.uniform() < chance && more;

@@ -7,11 +7,11 @@ use rigsim_settings::show_duration;
 
 use crate::event::{Code, EventKind, Hex, code};
 use crate::mecanum_device::ascii::{HIGHEST, LOWEST, LineError, REPORTS};
-use crate::mecanum_device::codec::Decoded;
 use crate::mecanum_device::motion::Change;
 use crate::mecanum_device::settings::OverSpeed;
 use crate::mecanum_device::{Discard, Field, Handling, Link, MAX_SPEED, MecanumEvent};
 use crate::message::{Message, MessageInfo};
+use crate::scanner::Decoded;
 
 crate::codes! {
     /// A packet was begun and not finished.
@@ -119,11 +119,15 @@ impl EventKind for MecanumEvent {
     fn bytes(&self) -> Option<Cow<'_, [u8]>> {
         match self {
             Self::Request(request, order) => Some(request.encode_in(*order).into()),
-            Self::BadStream(Decoded::Packet(request)) => Some(request.encode().into()),
             Self::Command(command) => Some(command.encode().into()),
             Self::Status(status, order) => Some(status.encode_in(*order).into()),
             Self::Report(report) => Some(report.encode().into()),
-            Self::BadStream(Decoded::Partial(bytes) | Decoded::Noise(bytes))
+            Self::BadStream(
+                Decoded::Frame(bytes)
+                | Decoded::Wrong(bytes)
+                | Decoded::Partial(bytes)
+                | Decoded::Noise(bytes),
+            )
             | Self::BadLine { bytes, .. } => Some(bytes.into()),
             _ => None,
         }
@@ -133,14 +137,16 @@ impl EventKind for MecanumEvent {
 impl fmt::Display for MecanumEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Request(request, _) | Self::BadStream(Decoded::Packet(request)) => request.fmt(f),
+            Self::Request(request, _) => request.fmt(f),
             Self::Command(command) => write!(f, "line {command}"),
             Self::Status(status, _) => status.fmt(f),
             Self::Report(report) => write!(f, "line {report}"),
             Self::BadStream(Decoded::Partial(bytes)) => {
                 write!(f, "incomplete packet dropped after a pause: {}", Hex(bytes))
             }
-            Self::BadStream(Decoded::Noise(bytes)) => {
+            Self::BadStream(
+                Decoded::Noise(bytes) | Decoded::Frame(bytes) | Decoded::Wrong(bytes),
+            ) => {
                 write!(f, "bytes that begin no packet: {}", Hex(bytes))
             }
             Self::BadLine { error, bytes } => {

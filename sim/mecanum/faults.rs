@@ -23,7 +23,7 @@ const STANDING: f64 = 0.01;
 pub(super) fn check_scope(scope: &Scope) -> Result<(), String> {
     let link = scope.link.as_ref();
     match scope.command {
-        Some(_) if link.is_some_and(|link| link.as_str() == "ros") => {
+        Some(_) if link.is_some_and(|link| link.0 == "ros") => {
             Err("`command`: the lines of the ROS link have none".to_owned())
         }
         Some(command) if command != 0 => Err(format!(

@@ -1,23 +1,18 @@
 //! Commands and replies of a mecanum car, for scripted clients.
 
-use std::time::Duration;
-
-use rigsim_settings::{ReadError, SimTime};
+use rigsim_settings::ReadError;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeValue;
 
-use super::MecanumSettings;
-use crate::device::host::{Frame, FrameReader, Message, Sender};
-use crate::device::{DeviceSettings, HostSpec, typed};
-use crate::mecanum_device::ascii::{REPORTS, Report};
-use crate::mecanum_device::codec::{Decoded, Decoder, encode, reorder};
-use crate::mecanum_device::packet::{Request, Status};
+use super::{MECANUM_SPEC, MecanumSettings};
+use crate::device::host::{Message, frames};
+use crate::device::{DeviceSettings, Form, HostSpec, typed};
+use crate::mecanum_device::codec;
+use crate::mecanum_device::packet::Request;
 use crate::mecanum_device::settings::ByteOrder;
 
-/// Silence after which a client gives up a packet that was begun.
-const PAUSE: Duration = Duration::from_millis(50);
 /// Most bytes of a line.
 const MOST_LINE: usize = 1024;
 
@@ -30,12 +25,11 @@ pub(super) const HOST: HostSpec = HostSpec {
         ]
     },
     frames: |link, sender, settings| {
-        let order = byte_order(settings);
-        match (link, sender) {
-            (0, Sender::Client) => Box::new(Packets::<Request>(Decoder::new(PAUSE, order), order)),
-            (0, Sender::Device) => Box::new(Packets::<Status>(Decoder::new(PAUSE, order), order)),
-            _ => Box::new(Lines(Vec::new(), sender)),
-        }
+        let (form, is_big) = match link {
+            0 => (codec::FORM, byte_order(settings) == ByteOrder::Big),
+            _ => (Form::Lines, false),
+        };
+        frames(form, (&MECANUM_SPEC, link), sender, is_big)
     },
     plan: "",
     chatters: true,
@@ -73,53 +67,4 @@ fn read(value: &Spanned<DeValue<'_>>, settings: &dyn DeviceSettings) -> Result<M
 
 fn byte_order(settings: &dyn DeviceSettings) -> ByteOrder {
     typed::<MecanumSettings>(settings).firmware.byte_order
-}
-
-struct Packets<P>(Decoder<P>, ByteOrder);
-
-impl<P: crate::message::Message + Send> FrameReader for Packets<P> {
-    fn push(&mut self, now: SimTime, byte: u8) -> Vec<Frame> {
-        let mut found = Vec::new();
-        let order = self.1;
-        let mut take = |decoded| {
-            found.push(match decoded {
-                Decoded::Packet(packet) => {
-                    let packet: P = packet;
-                    let mut bytes = encode(&packet);
-                    reorder::<P>(&mut bytes, order);
-                    Frame {
-                        bytes,
-                        command: None,
-                        command_byte: None,
-                        message: Some((packet.info(), packet.payload())),
-                    }
-                }
-                Decoded::Partial(bytes) | Decoded::Noise(bytes) => Frame::none(bytes),
-            });
-        };
-        self.0.expire(now, &mut take);
-        self.0.push(now, byte, &mut take);
-        found
-    }
-}
-
-struct Lines(Vec<u8>, Sender);
-
-impl FrameReader for Lines {
-    fn push(&mut self, _now: SimTime, byte: u8) -> Vec<Frame> {
-        if self.0.len() < MOST_LINE {
-            self.0.push(byte);
-        }
-        if byte != b'\n' {
-            return Vec::new();
-        }
-        let bytes = std::mem::take(&mut self.0);
-        let report = Report::parse(&bytes).filter(|_| self.1 == Sender::Device);
-        vec![Frame {
-            command: None,
-            command_byte: None,
-            message: report.map(|_| (&REPORTS[0], bytes.clone())),
-            bytes,
-        }]
-    }
 }

@@ -13,14 +13,10 @@ use rigsim_settings::SimTime;
 /// Most pulse times kept to measure the speed.
 const MOST_EDGES: usize = 256;
 
-/// Over what time the speed is measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SpeedWindow {
-    /// The mean is over this time.
-    pub window: Duration,
-    /// Without a pulse for this long the wheel stands.
-    pub timeout: Duration,
-}
+/// Over what time the speed is measured; assumed: ten pulses at full speed.
+const WINDOW: Duration = Duration::from_millis(200);
+/// Time without a pulse after which a wheel counts as standing: one pulse a second is 1 rpm.
+const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The time in which a wheel goes from full speed to a stand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,7 +105,7 @@ impl Encoder {
 
     /// Reads the wire; gives the pulses that have come since the last reading, backward ones
     /// negative.
-    pub fn read(&mut self, now: SimTime, count: u32, speed: SpeedWindow) -> i64 {
+    pub fn read(&mut self, now: SimTime, count: u32) -> i64 {
         let came = count.wrapping_sub(self.count);
         self.count = count;
         if came == 0 {
@@ -119,7 +115,7 @@ impl Encoder {
             true => -i64::from(came),
             false => i64::from(came),
         };
-        self.note(now, came, speed);
+        self.note(now, came);
         came
     }
 
@@ -132,13 +128,13 @@ impl Encoder {
     /// Pulses a second, backward negative. A wheel that is not `driven` stands as soon as its next
     /// pulse is overdue; a driven one may only have become slow.
     #[must_use]
-    pub fn pulse_rate(&self, now: SimTime, driven: bool, speed: SpeedWindow) -> f64 {
+    pub fn pulse_rate(&self, now: SimTime, driven: bool) -> f64 {
         let (Some(first), Some(last)) = (self.edges.front(), self.edges.back()) else {
             return 0.0;
         };
         let span = last.0.since(first.0).as_secs_f64();
         let silence = now.since(last.0);
-        if span <= 0.0 || silence >= speed.timeout {
+        if span <= 0.0 || silence >= TIMEOUT {
             return 0.0;
         }
         #[expect(clippy::cast_precision_loss, reason = "far fewer pulses than 2^53")]
@@ -168,9 +164,9 @@ impl Encoder {
         backward
     }
 
-    fn note(&mut self, now: SimTime, came: i64, speed: SpeedWindow) {
+    fn note(&mut self, now: SimTime, came: i64) {
         let last = self.edges.back().copied();
-        if last.is_some_and(|(at, _)| now.since(at) >= speed.timeout) {
+        if last.is_some_and(|(at, _)| now.since(at) >= TIMEOUT) {
             // From standstill; the time before tells nothing about the speed.
             self.edges.clear();
         }
@@ -180,7 +176,7 @@ impl Encoder {
             _ => self.edges.push_back((now, total)),
         }
         // The one edge before the window stays, so that its whole length is measured.
-        let begin = now - speed.window;
+        let begin = now - WINDOW;
         while self.edges.len() > MOST_EDGES || self.edges.get(1).is_some_and(|(at, _)| *at <= begin)
         {
             self.edges.pop_front();

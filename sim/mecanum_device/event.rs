@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use super::OperatorInput;
 use super::ascii::{self, LineError};
-use super::codec::Decoded;
 use super::kinematics::Movement;
 use super::motion::{Change, Motion};
 use super::packet::{Request, Status};
 use super::settings::{ByteOrder, OverSpeed};
+use crate::scanner::Decoded;
 
 /// A field of a request that has few legal values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,7 +56,7 @@ pub enum MecanumEvent {
     /// A report line began its way to the client of the ROS link.
     Report(ascii::Report),
     /// The main link's stream held something that is no packet.
-    BadStream(Decoded<Request>),
+    BadStream(Decoded),
     /// A line on the ROS link is no command, or not a good one.
     BadLine {
         /// Error of it.

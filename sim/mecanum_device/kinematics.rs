@@ -7,6 +7,8 @@
 use std::fmt;
 
 use rigsim_physics::mecanum::WHEELS;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 /// Speeds of the wheels LF, RF, LR, RR that give the body its speed. `arm` is half the wheelbase
 /// plus half the track.
@@ -67,12 +69,48 @@ impl Course {
 }
 
 /// One of the ten movements of the article's picture: a course and its sign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, JsonSchema)]
+#[serde(from = "CarKey")]
+#[schemars(with = "CarKey")]
 pub struct Movement {
     /// The course.
     pub course: Course,
     /// Returns whether it goes the course's negative way.
     pub negative: bool,
+}
+
+/// A motion key of the car's remote control.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+enum CarKey {
+    Forward,
+    Backward,
+    TurnLeft,
+    TurnRight,
+    StrafeLeft,
+    StrafeRight,
+    LeftFront,
+    RightFront,
+    LeftRear,
+    RightRear,
+}
+
+impl From<CarKey> for Movement {
+    fn from(key: CarKey) -> Self {
+        let (course, negative) = match key {
+            CarKey::Forward => (Course::Ahead, false),
+            CarKey::Backward => (Course::Ahead, true),
+            CarKey::TurnLeft => (Course::Rotate, true),
+            CarKey::TurnRight => (Course::Rotate, false),
+            CarKey::StrafeLeft => (Course::Strafe, false),
+            CarKey::StrafeRight => (Course::Strafe, true),
+            CarKey::LeftFront => (Course::LeftFront, false),
+            CarKey::RightRear => (Course::LeftFront, true),
+            CarKey::RightFront => (Course::RightFront, false),
+            CarKey::LeftRear => (Course::RightFront, true),
+        };
+        Self { course, negative }
+    }
 }
 
 impl Movement {

@@ -1,28 +1,20 @@
 //! The driving half of the firmware: who drives, what the wheels do, and what their pulses say.
 
-use std::time::Duration;
-
 use rigsim_physics::mecanum::{
     MecanumCommands, MecanumMeasurements, PORTS, Port, PortCommand, WHEELS, Wheel,
 };
 use rigsim_settings::SimTime;
 
-use super::encoder::{Encoder, SpeedWindow, Stopping};
+use super::encoder::{Encoder, Stopping};
 use super::kinematics::{Movement, body_speed};
 use super::motion::{Change, Motions};
 use super::odometry::Odometry;
 use super::settings::{IdleWheels, MecanumFirmwareSettings, StartMode};
 
-/// Time over which the speed of a wheel is measured; assumed: ten pulses at full speed.
-const SPEED_WINDOW: Duration = Duration::from_millis(200);
-/// Time without a pulse after which a wheel counts as standing: one pulse a second is 1 rpm.
-const SPEED_TIMEOUT: Duration = Duration::from_secs(1);
-
 /// Motions, remote control, encoders and dead reckoning.
 #[derive(Debug, Clone)]
 pub(super) struct Locomotion {
     settings: MecanumFirmwareSettings,
-    window: SpeedWindow,
     pub motions: Motions,
     /// The remote control drives; the board otherwise.
     pub remote: bool,
@@ -42,10 +34,6 @@ impl Locomotion {
     pub fn new(settings: &MecanumFirmwareSettings, measured: &MecanumMeasurements) -> Self {
         Self {
             settings: settings.clone(),
-            window: SpeedWindow {
-                window: SPEED_WINDOW,
-                timeout: SPEED_TIMEOUT,
-            },
             motions: Motions::new(settings.clone()),
             remote: settings.start_mode == StartMode::Remote,
             key: None,
@@ -112,7 +100,7 @@ impl Locomotion {
         for wheel in Wheel::ALL {
             let at = wheel.index();
             let count = pulses[self.settings.wiring.port(wheel).index()];
-            came[at] = self.encoders[at].read(now, count, self.window);
+            came[at] = self.encoders[at].read(now, count);
         }
         if came == [0; WHEELS] {
             return;
@@ -187,7 +175,7 @@ impl Locomotion {
         let rotations = self.rotations();
         let per_revolution = f64::from(self.settings.odometry.pulses_per_revolution);
         std::array::from_fn(|at| {
-            let rate = self.encoders[at].pulse_rate(now, rotations[at] != 0, self.window);
+            let rate = self.encoders[at].pulse_rate(now, rotations[at] != 0);
             rate * 60.0 / per_revolution
         })
     }

@@ -3,7 +3,7 @@
 use rigsim_settings::SimTime;
 
 use super::ascii::{Command, Letter, Line};
-use super::codec::Decoded;
+use super::codec;
 use super::event::{Discard, Field, Handling, MecanumEvent};
 use super::kinematics::{Course, Movement};
 use super::motion::Motion;
@@ -12,14 +12,19 @@ use super::settings::{
     Acknowledge, AsciiLetters, ModeChange, OrdersWithRos, OverSpeed, PositiveStrafe, PositiveTurn,
 };
 use super::{MAX_SPEED, MecanumDevice};
+use crate::scanner::Decoded;
 
 impl MecanumDevice {
     /// Handles what the decoder of the main link has found.
-    pub(super) fn handle(&mut self, now: SimTime, found: Vec<Decoded<Request>>) {
+    pub(super) fn handle(&mut self, now: SimTime, found: Vec<Decoded>) {
         for decoded in found {
-            match decoded {
-                Decoded::Packet(request) => self.request(now, request),
-                junk => self.event(now, MecanumEvent::BadStream(junk)),
+            let request = match &decoded {
+                Decoded::Frame(packet) => codec::parse(packet, self.settings.byte_order),
+                _ => None,
+            };
+            match request {
+                Some(request) => self.request(now, request),
+                None => self.event(now, MecanumEvent::BadStream(decoded)),
             }
         }
     }

@@ -18,6 +18,7 @@ use rigsim_settings::SimTime;
 
 use super::codec;
 use super::packet::{Request, Status};
+use super::settings::ByteOrder;
 use super::settings::MecanumFirmwareSettings;
 use super::{Link, MecanumDevice, MecanumEvent};
 use crate::event::EventKind as _;
@@ -160,7 +161,7 @@ impl Bench {
         let packets = self.output(Link::Main);
         packets
             .iter()
-            .map(|bytes| codec::parse::<Status>(bytes).unwrap())
+            .map(|bytes| codec::parse::<Status>(bytes, ByteOrder::Little).unwrap())
             .collect()
     }
 

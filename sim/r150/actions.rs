@@ -1,66 +1,14 @@
 //! What people do to an R150, and what hangs on it.
 
-use rigsim_physics::r150::{PwmSource, Rail};
+use rigsim_physics::r150::PwmSource;
 use rigsim_settings::{Frequency, Percent, SimTime, Voltage};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::R150;
 use crate::device::{Begin, Change, Effect, EffectError, Work};
-use crate::r150_device::control::{Outputs, Parts};
+use crate::r150_device::control::Parts;
 use crate::r150_device::vehicle::{Key, OperatorInput, Vehicle};
-
-crate::actions! {
-    /// What an operator or the app does.
-    pub enum Operator: Operator {
-        /// R150: long press of both rear buttons.
-        Unlock = "unlock";
-        /// R150: short press of the rear buttons.
-        Lock = "lock";
-        /// R150: the parking brake is applied.
-        Park = "park";
-        /// R150: long press of the top button.
-        ReleaseParking = "release_parking";
-        /// R150: long press of the middle button.
-        Autonomous = "autonomous";
-        /// R150: a motion key of the remote control goes down; the vehicle is in remote mode.
-        Press(Key) = "press" tries ["\"forward\"", "\"left\""];
-        /// The motion key goes up.
-        Release = "release";
-        /// R150: the remote control takes over, without a key held down: the vehicle rolls freely.
-        TakeOver = "take_over" weaker ["park"];
-        /// R150: the emergency stop goes in (true) or out.
-        EmergencyStop(bool) = "emergency_stop" tries ["true"] weaker ["lock", "park"];
-        /// R150: the app takes or leaves control.
-        AppHolds(AppHoldsText) = "app_holds" tries ["{ power = true }", "{ pwm = true }"];
-        /// R150: set-points of the app for the outputs.
-        AppSets(AppSetsText) = "app_sets" tries ["{}"];
-    }
-}
-
-/// Of what the app has control, whatever the client sends.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct AppHoldsText {
-    /// Of the power rails.
-    #[serde(default)]
-    power: bool,
-    /// Of the PWM outputs.
-    #[serde(default)]
-    pwm: bool,
-}
-
-/// The app's set-points.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct AppSetsText {
-    /// Rails to be on.
-    #[serde(default)]
-    on: Vec<Rail>,
-    /// Duty of the PWM outputs, 0.1 %.
-    #[serde(default)]
-    pwm: [u16; 4],
-}
 
 /// A change that these inputs take back, unless nothing `changed`.
 fn undone_by(of: &str, changed: bool, inputs: Vec<OperatorInput>) -> Change {
@@ -83,19 +31,18 @@ fn of_app(before: Parts, now: Parts) -> Vec<Change> {
         let restore = move |r150: &mut R150, at| {
             let mut held = r150.device().control().held_by_app;
             *part(&mut held) = before;
-            let Parts { power, pwm } = held;
-            r150.operate(at, OperatorInput::AppHolds { power, pwm });
+            r150.operate(at, OperatorInput::AppHolds(held));
         };
         Change::of_own(of, before != now, restore)
     };
     each.into_iter().map(change).collect()
 }
 
-impl Effect for Operator {
+impl Effect for OperatorInput {
     fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
         let r150 = at.device.get_mut::<R150>();
         Ok(Work::Done(match r150 {
-            Some(r150) => self.operate(r150, at.now),
+            Some(r150) => operate(*self, r150, at.now),
             None => Vec::new(),
         }))
     }
@@ -103,7 +50,7 @@ impl Effect for Operator {
     fn can_end(&self) -> bool {
         !matches!(
             self,
-            Self::ReleaseParking | Self::Autonomous | Self::Release
+            Self::ReleaseParking | Self::Autonomous | Self::ReleaseKey
         )
     }
 }
@@ -114,82 +61,65 @@ const TOUCH: [OperatorInput; 2] = [
     OperatorInput::ReleaseKey,
 ];
 
-impl Operator {
-    /// Works buttons; returns what that changes, also where it was so before.
-    fn operate(&self, r150: &mut R150, now: SimTime) -> Vec<Change> {
-        let vehicle = r150.device().vehicle();
-        let &Vehicle {
-            locked,
-            parked,
-            autonomous,
-            emergency_stop,
-            ..
-        } = vehicle;
-        let (held, app) = {
-            let control = r150.device().control();
-            (control.held_by_app, control.app)
-        };
-        let key = vehicle.key_input();
-        let mode = autonomous.then_some(OperatorInput::Autonomous);
-        let inputs = match self {
-            Self::Unlock => vec![OperatorInput::Unlock],
-            Self::Lock => vec![OperatorInput::Lock],
-            Self::Park => vec![OperatorInput::Park],
-            Self::ReleaseParking => vec![OperatorInput::ReleaseParking],
-            Self::Autonomous => vec![OperatorInput::Autonomous],
-            Self::Press(key) => vec![OperatorInput::Press(*key)],
-            Self::Release => vec![OperatorInput::ReleaseKey],
-            Self::TakeOver if !autonomous => Vec::new(),
-            Self::TakeOver => TOUCH.to_vec(),
-            Self::EmergencyStop(pushed_in) => vec![OperatorInput::EmergencyStop(*pushed_in)],
-            Self::AppHolds(AppHoldsText { power, pwm }) => {
-                let (power, pwm) = (*power, *pwm);
-                vec![OperatorInput::AppHolds { power, pwm }]
-            }
-            Self::AppSets(sets) => vec![OperatorInput::AppSets(Outputs {
-                power: super::bits(&sets.on),
-                pwm: sets.pwm,
-            })],
-        };
-        for &input in &inputs {
-            r150.operate(now, input);
+/// Works buttons; returns what that changes, also where it was so before.
+fn operate(input: OperatorInput, r150: &mut R150, now: SimTime) -> Vec<Change> {
+    let vehicle = r150.device().vehicle();
+    let &Vehicle {
+        locked,
+        parked,
+        autonomous,
+        emergency_stop,
+        ..
+    } = vehicle;
+    let (held, app) = {
+        let control = r150.device().control();
+        (control.held_by_app, control.app)
+    };
+    let key = vehicle.key_input();
+    let mode = autonomous.then_some(OperatorInput::Autonomous);
+    let inputs = match input {
+        OperatorInput::TakeOver if !autonomous => Vec::new(),
+        OperatorInput::TakeOver => TOUCH.to_vec(),
+        input => vec![input],
+    };
+    for &input in &inputs {
+        r150.operate(now, input);
+    }
+    let vehicle = r150.device().vehicle();
+    let back = if locked {
+        OperatorInput::Lock
+    } else {
+        OperatorInput::Unlock
+    };
+    let lock = undone_by("lock", vehicle.locked != locked, vec![back]);
+    // The parking brake can be released in remote mode only.
+    let release = TOUCH.into_iter().chain([OperatorInput::ReleaseParking]);
+    let release = release.chain(mode).collect();
+    let release = undone_by("parking brake", vehicle.parked && !parked, release);
+    match input {
+        OperatorInput::Unlock => vec![lock],
+        OperatorInput::Lock => vec![lock, release],
+        OperatorInput::Park => vec![release],
+        OperatorInput::Press(_) | OperatorInput::TakeOver | OperatorInput::ReleaseKey => {
+            let changed = !inputs.is_empty() && inputs != [key];
+            let back = [key].into_iter().chain(mode).collect();
+            vec![undone_by("key", changed, back)]
         }
-        let vehicle = r150.device().vehicle();
-        let back = if locked {
-            OperatorInput::Lock
-        } else {
-            OperatorInput::Unlock
-        };
-        let lock = undone_by("lock", vehicle.locked != locked, vec![back]);
-        // The parking brake can be released in remote mode only.
-        let release = TOUCH.into_iter().chain([OperatorInput::ReleaseParking]);
-        let release = release.chain(mode).collect();
-        let release = undone_by("parking brake", vehicle.parked && !parked, release);
-        match self {
-            Self::Unlock => vec![lock],
-            Self::Lock => vec![lock, release],
-            Self::Park => vec![release],
-            Self::Press(_) | Self::TakeOver | Self::Release => {
-                let changed = !inputs.is_empty() && inputs != [key];
-                let back = [key].into_iter().chain(mode).collect();
-                vec![undone_by("key", changed, back)]
+        OperatorInput::EmergencyStop(pushed_in) => {
+            let back = vec![OperatorInput::EmergencyStop(emergency_stop)];
+            let stop = undone_by("emergency stop", emergency_stop != pushed_in, back);
+            match pushed_in {
+                // It may have locked the vehicle, too.
+                true => vec![stop, lock, release],
+                false => vec![stop],
             }
-            Self::EmergencyStop(pushed_in) => {
-                let back = vec![OperatorInput::EmergencyStop(emergency_stop)];
-                let stop = undone_by("emergency stop", emergency_stop != *pushed_in, back);
-                match pushed_in {
-                    // It may have locked the vehicle, too.
-                    true => vec![stop, lock, release],
-                    false => vec![stop],
-                }
-            }
-            Self::AppHolds(_) => of_app(held, r150.device().control().held_by_app),
-            Self::AppSets(_) => {
-                let before = OperatorInput::AppSets(app);
-                vec![undone_by("app sets", inputs != [before], vec![before])]
-            }
-            Self::ReleaseParking | Self::Autonomous => Vec::new(),
         }
+        OperatorInput::AppHolds(_) => of_app(held, r150.device().control().held_by_app),
+        OperatorInput::AppSets(_) => {
+            let before = OperatorInput::AppSets(app);
+            vec![undone_by("app sets", input != before, vec![before])]
+        }
+        OperatorInput::ReleaseParking | OperatorInput::Autonomous => Vec::new(),
     }
 }
 

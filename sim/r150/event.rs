@@ -7,12 +7,13 @@ use rigsim_settings::show_duration;
 
 use crate::event::{Code, EventKind, Hex, code};
 use crate::message::{Message, MessageInfo};
-use crate::r150_device::codec::{self, Decoded};
+use crate::r150_device::codec;
 use crate::r150_device::command::{Refusal, name};
 use crate::r150_device::control::Parts;
 use crate::r150_device::group::Cause;
 use crate::r150_device::settings::ProtectionAction;
 use crate::r150_device::{R150Event, ValueError};
+use crate::scanner::Decoded;
 
 crate::codes! {
     /// A whole frame with a wrong CRC.
@@ -68,7 +69,7 @@ impl EventKind for R150Event {
         match self {
             Self::Request { .. } => code::REQUEST,
             Self::Reply { .. } => code::REPLY,
-            Self::BadStream(Decoded::BadCrc { .. }) => BAD_CRC,
+            Self::BadStream(Decoded::Wrong(_)) => BAD_CRC,
             Self::BadStream(Decoded::Partial(_)) => PARTIAL_FRAME,
             Self::BadStream(_) => code::NOISE,
             Self::Refused {
@@ -113,10 +114,13 @@ impl EventKind for R150Event {
             Self::Request { frame, .. }
             | Self::Reply { frame, .. }
             | Self::Refused { frame, .. }
-            | Self::BadValue { frame, .. } => Some(frame.into()),
-            Self::BadStream(
-                Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes),
-            ) => Some(bytes.into()),
+            | Self::BadValue { frame, .. }
+            | Self::BadStream(
+                Decoded::Frame(frame)
+                | Decoded::Wrong(frame)
+                | Decoded::Partial(frame)
+                | Decoded::Noise(frame),
+            ) => Some(frame.into()),
             _ => None,
         }
     }
@@ -127,7 +131,7 @@ impl EventKind for R150Event {
             Self::Reply { reply, frame } => (reply.info(), frame),
             _ => return None,
         };
-        Some((info, codec::parameters(frame)?.into()))
+        Some((info, codec::parts(frame)?.1.into()))
     }
 
     fn is_client_error(&self) -> bool {
@@ -141,10 +145,8 @@ impl fmt::Display for R150Event {
         match self {
             Self::Request { request, .. } => write!(f, "{request}"),
             Self::Reply { reply, .. } => write!(f, "{reply}"),
-            Self::BadStream(Decoded::BadCrc {
-                bytes, expected, ..
-            }) => {
-                let [low, high] = expected.to_le_bytes();
+            Self::BadStream(Decoded::Wrong(bytes)) => {
+                let [low, high] = codec::expected(bytes).to_le_bytes();
                 write!(
                     f,
                     "CRC error: the frame {} should end in {low:02X} {high:02X}; nothing changed",

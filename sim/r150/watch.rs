@@ -2,7 +2,6 @@
 //! that are too hot, wheels that would lift.
 
 use std::collections::VecDeque;
-use std::fmt;
 use std::sync::Arc;
 
 use rigsim_physics::r150::{FuseId, R150Health, Side};
@@ -11,54 +10,6 @@ use rigsim_settings::SimTime;
 use super::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT};
 use crate::event::{Code, EventKind, PlainEvent};
 
-/// Something that happened to the hardware.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum HardwareEvent {
-    /// A fuse blew.
-    FuseBlown(FuseId),
-    /// A motor driver allows less current because of heat, or has shut off.
-    MotorHot(Side, bool),
-    /// It allows as much as ever.
-    MotorCooled(Side),
-}
-
-impl EventKind for HardwareEvent {
-    fn code(&self) -> Code {
-        match self {
-            Self::FuseBlown(_) => FUSE_BLOWN,
-            Self::MotorHot(..) => MOTOR_HOT,
-            Self::MotorCooled(_) => MOTOR_COOLED,
-        }
-    }
-}
-
-impl fmt::Display for HardwareEvent {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::FuseBlown(fuse) => write!(
-                f,
-                "the fuse of {} blew",
-                match fuse {
-                    FuseId::MotorRight => "the right motor",
-                    FuseId::MotorLeft => "the left motor",
-                    FuseId::Tail => "the tail supply, which feeds the module,",
-                    FuseId::SmallModules => "the small modules",
-                }
-            ),
-            Self::MotorHot(motor, shut_off) => {
-                let outcome = if *shut_off {
-                    "too hot and shut off"
-                } else {
-                    "hot and gets less current"
-                };
-                write!(f, "the {motor} motor or its driver is {outcome}")
-            }
-            Self::MotorCooled(motor) => write!(f, "the {motor} motor has cooled"),
-        }
-    }
-}
-
 /// Most events kept until they are taken.
 const MOST: usize = 64;
 
@@ -66,7 +17,7 @@ const MOST: usize = 64;
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     last: R150Health,
-    events: VecDeque<(SimTime, Arc<dyn EventKind>)>,
+    events: VecDeque<(SimTime, PlainEvent)>,
 }
 
 impl Watch {
@@ -77,7 +28,13 @@ impl Watch {
         let last = std::mem::replace(&mut self.last, state);
         for (index, fuse) in FuseId::ALL.into_iter().enumerate() {
             if state.fuse_blown[index] && !last.fuse_blown[index] {
-                self.tell(now, HardwareEvent::FuseBlown(fuse));
+                let of = match fuse {
+                    FuseId::MotorRight => "the right motor",
+                    FuseId::MotorLeft => "the left motor",
+                    FuseId::Tail => "the tail supply, which feeds the module,",
+                    FuseId::SmallModules => "the small modules",
+                };
+                self.tell(now, FUSE_BLOWN, format!("the fuse of {of} blew"));
             }
         }
         for side in Side::ALL {
@@ -86,15 +43,18 @@ impl Watch {
             if heat(&state) == heat(&last) {
                 continue;
             }
-            let event = if derated || shut_off {
-                HardwareEvent::MotorHot(side, shut_off)
-            } else {
-                HardwareEvent::MotorCooled(side)
+            let (code, text) = match (derated, shut_off) {
+                (_, true) => (MOTOR_HOT, "motor or its driver is too hot and shut off"),
+                (true, false) => (
+                    MOTOR_HOT,
+                    "motor or its driver is hot and gets less current",
+                ),
+                (false, false) => (MOTOR_COOLED, "motor has cooled"),
             };
-            self.tell(now, event);
+            self.tell(now, code, format!("the {side} {text}"));
         }
         if state.tipping && !last.tipping {
-            self.tell(now, PlainEvent::tipping());
+            self.keep(now, PlainEvent::tipping());
         }
     }
 
@@ -103,13 +63,18 @@ impl Watch {
     }
 
     pub(super) fn poll(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
-        self.events.pop_front()
+        let (at, event) = self.events.pop_front()?;
+        Some((at, Arc::new(event)))
     }
 
-    fn tell(&mut self, now: SimTime, event: impl EventKind) {
+    fn tell(&mut self, now: SimTime, code: Code, text: String) {
+        self.keep(now, PlainEvent { code, text });
+    }
+
+    fn keep(&mut self, now: SimTime, event: PlainEvent) {
         if self.events.len() >= MOST {
             self.events.pop_front();
         }
-        self.events.push_back((now, Arc::new(event)));
+        self.events.push_back((now, event));
     }
 }

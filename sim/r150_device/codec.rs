@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use crc::{CRC_16_IBM_SDLC, Crc, Table};
 
-use crate::scanner::{Format, Read, Scanner};
+use crate::scanner::{Form, Scanner};
 
 /// First byte of every frame.
 pub const HEADER: [u8; 2] = [0xAA, 0x55];
@@ -19,10 +19,14 @@ pub const HEADER: [u8; 2] = [0xAA, 0x55];
 pub const OVERHEAD: usize = 6;
 /// Index of the command byte in a frame.
 pub const COMMAND_AT: usize = 3;
-/// The longest frame: 255 parameter bytes.
-pub const MAX_FRAME: usize = OVERHEAD + 255;
 
 static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_16_IBM_SDLC);
+
+/// The CRC over bytes.
+#[must_use]
+pub fn crc(bytes: &[u8]) -> u16 {
+    CRC.checksum(bytes)
+}
 
 /// The CRC over a command and its parameters.
 #[must_use]
@@ -54,107 +58,34 @@ pub fn encode(command: u8, parameters: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// A frame whose CRC is right; what it means is the command layer's business.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Frame(Vec<u8>);
-
-impl Frame {
-    /// The whole frame as received.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8] {
-        &self.0
-    }
-
-    /// Command byte.
-    #[must_use]
-    pub fn command(&self) -> u8 {
-        self.0[COMMAND_AT]
-    }
-
-    /// Parameter bytes, 0 to 255 of them.
-    #[must_use]
-    pub fn parameters(&self) -> &[u8] {
-        parameters(&self.0).unwrap_or_default()
-    }
-}
-
-/// The parameter bytes of a whole frame.
-#[must_use]
-pub fn parameters(frame: &[u8]) -> Option<&[u8]> {
-    frame.get(COMMAND_AT + 1..frame.len().checked_sub(2)?)
-}
-
-/// Finding of the decoder in the stream.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Decoded {
-    /// A frame with the right CRC.
-    Frame(Frame),
-    /// A complete frame whose CRC is wrong.
-    BadCrc {
-        /// The whole frame as received.
-        bytes: Vec<u8>,
-        /// Its command byte.
-        command: u8,
-        /// The CRC that its command and parameters have.
-        expected: u16,
-    },
-    /// A frame that was begun and not finished in time.
-    Partial(Vec<u8>),
-    /// Bytes outside any frame.
-    Noise(Vec<u8>),
-}
-
-/// Streaming decoder of frames.
-pub type Decoder = Scanner<Frames>;
-
-impl Decoder {
-    /// A decoder that drops a partial frame after `inter_byte_timeout` of silence.
-    #[must_use]
-    pub const fn new(inter_byte_timeout: Duration) -> Self {
-        Self::of(Frames, inter_byte_timeout)
-    }
-}
-
 /// The form of frames.
-#[derive(Debug, Clone, Copy)]
-pub struct Frames;
+pub const FORM: Form = Form::Frames {
+    header: &HEADER,
+    length_at: 2,
+    uncounted: OVERHEAD,
+    id_at: COMMAND_AT,
+    answers: Some(0x80),
+    fields_at: COMMAND_AT + 1,
+    check: Some(crc),
+};
 
-impl Format for Frames {
-    type Decoded = Decoded;
+/// A decoder that drops a partial frame after `inter_byte_timeout` of silence.
+#[must_use]
+pub fn decoder(inter_byte_timeout: Duration) -> Scanner {
+    Scanner::new(FORM, [], inter_byte_timeout)
+}
 
-    fn may_begin(&self, bytes: &[u8]) -> bool {
-        bytes[0] == HEADER[0] && bytes.get(1).is_none_or(|next| *next == HEADER[1])
-    }
+/// The command byte of a whole frame, and its parameter bytes; `None` if it is none.
+#[must_use]
+pub fn parts(frame: &[u8]) -> Option<(u8, &[u8])> {
+    let parameters = frame.get(COMMAND_AT + 1..frame.len().checked_sub(2)?)?;
+    Some((frame[COMMAND_AT], parameters))
+}
 
-    fn read(&self, bytes: &[u8]) -> Read<Decoded> {
-        let [_, _, length, command, rest @ ..] = bytes else {
-            return Read::Begun;
-        };
-        let length = usize::from(*length);
-        let Some((parameters, [low, high, ..])) = rest.split_at_checked(length) else {
-            return Read::Begun;
-        };
-        let expected = checksum(*command, parameters);
-        let total = OVERHEAD + length;
-        let frame = bytes[..total].to_vec();
-        if u16::from_le_bytes([*low, *high]) == expected {
-            return Read::Whole(total, Decoded::Frame(Frame(frame)));
-        }
-        let bad = Decoded::BadCrc {
-            bytes: frame,
-            command: *command,
-            expected,
-        };
-        Read::Wrong(total, bad)
-    }
-
-    fn partial(bytes: Vec<u8>) -> Decoded {
-        Decoded::Partial(bytes)
-    }
-
-    fn noise(bytes: Vec<u8>) -> Decoded {
-        Decoded::Noise(bytes)
-    }
+/// The CRC that a whole frame should have.
+#[must_use]
+pub fn expected(frame: &[u8]) -> u16 {
+    parts(frame).map_or(0, |(command, parameters)| checksum(command, parameters))
 }
 
 #[cfg(test)]

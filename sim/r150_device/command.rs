@@ -253,10 +253,13 @@ pub mod sys_status {
     ];
 }
 
-/// Reads names of rails as the bits of 0x02.
-fn rails<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+/// Reads names of rails as bits.
+pub(super) fn rails<'de, D: Deserializer<'de>, B: From<u8>>(
+    deserializer: D,
+) -> Result<B, D::Error> {
     let rails = Vec::<Rail>::deserialize(deserializer)?;
-    Ok(rails.iter().fold(0, |bits, rail| bits | 1 << rail.index()))
+    let bits = rails.iter().fold(0, |bits, rail| bits | 1 << rail.index());
+    Ok(B::from(bits))
 }
 
 /// The name of a command byte.
@@ -361,6 +364,15 @@ impl Reply {
     pub fn parse(command: u8, parameters: &[u8]) -> Result<Self, Refusal> {
         let info = REPLIES.iter().find(|info| info.id == command);
         Refusal::or(command, info, parameters, |rest| Self::read(command, rest))
+    }
+}
+
+impl Reply {
+    /// Reads a whole frame, as a client does; `None` for what is no reply.
+    #[must_use]
+    pub fn of(frame: &[u8]) -> Option<Self> {
+        let (command, parameters) = codec::parts(frame)?;
+        Self::parse(command, parameters).ok()
     }
 }
 

@@ -1,19 +1,26 @@
 //! Control of power and PWM: by the client over RS232, or by the app (manual sections 4.3.5,
 //! 4.3.6).
 
+use rigsim_physics::r150::Rail;
 use rigsim_settings::SimTime;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-use super::command::Request;
+use super::command::{Request, rails};
 use super::settings::{
     ControlMode, ControlTakenBy, OnHeartbeatLoss, OnTakeover, R150FirmwareSettings,
 };
 
 /// Set-points of the outputs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "AppSetsText")]
 pub struct Outputs {
-    /// Rails that should be on, as bits of `powerStatus`.
+    /// Rails to be on.
+    #[serde(rename = "on", deserialize_with = "rails")]
+    #[schemars(with = "Vec<Rail>")]
     pub power: u8,
-    /// Duty of PWM outputs A–D, 0.1 %.
+    /// Duty of the PWM outputs, 0.1 %.
     pub pwm: [u16; 4],
 }
 
@@ -32,11 +39,13 @@ impl Outputs {
 }
 
 /// Power, PWM, both or neither.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "AppHoldsText")]
 pub struct Parts {
-    /// The power rails.
+    /// Of the power rails.
     pub power: bool,
-    /// The PWM outputs.
+    /// Of the PWM outputs.
     pub pwm: bool,
 }
 

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use super::codec::Decoded;
 use super::command::{Refusal, Reply, Request};
 use super::control::{POWER_BITS, Parts};
 use super::group::{Cause, Group};
 use super::settings::ProtectionAction;
 use super::vehicle::{Obstacle, OperatorInput};
+use crate::scanner::Decoded;
 
 /// Something that happened in the module or the vehicle.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,7 +5,7 @@ use std::time::Duration;
 use rigsim_settings::SimTime;
 
 use super::R150Device;
-use super::codec::{self, Decoded, Frame};
+use super::codec;
 use super::command::{PwmOutputs, Refusal, Reply, Request, Version, code};
 use super::control::FULL_DUTY;
 use super::event::{R150Event, ValueError};
@@ -13,6 +13,7 @@ use super::motors::{Answer, FULL};
 use super::settings::{
     HeartbeatBy, MotorsAnswered, MotorsRefusalReply, OutOfRange, RefusalReply, ReplyCommand,
 };
+use crate::scanner::Decoded;
 
 /// Most replies that may wait for their time: more than arrive at once where bytes take no time.
 const MOST_REPLIES: usize = 4096;
@@ -22,24 +23,24 @@ impl R150Device {
     pub(super) fn handle(&mut self, now: SimTime, found: Vec<Decoded>) {
         for decoded in found {
             match decoded {
-                Decoded::Frame(frame) => self.frame(now, &frame),
+                Decoded::Frame(frame) => self.frame(now, frame),
                 bad => self.bad_stream(now, bad),
             }
         }
         self.send_due(now);
     }
 
-    fn frame(&mut self, now: SimTime, frame: &Frame) {
-        let bytes = frame.bytes().to_vec();
-        match Request::parse(frame.command(), frame.parameters()) {
-            Ok(request) => self.request(now, request, bytes),
-            Err(refusal) => self.refuse(now, refusal, bytes),
+    fn frame(&mut self, now: SimTime, frame: Vec<u8>) {
+        let (command, parameters) = codec::parts(&frame).unwrap_or_default();
+        match Request::parse(command, parameters) {
+            Ok(request) => self.request(now, request, frame),
+            Err(refusal) => self.refuse(now, refusal, frame),
         }
     }
 
     fn bad_stream(&mut self, now: SimTime, bad: Decoded) {
         let command = match &bad {
-            Decoded::BadCrc { command, .. } => Some(*command),
+            Decoded::Wrong(frame) => codec::parts(frame).map(|(command, _)| command),
             _ => None,
         };
         self.event(now, R150Event::BadStream(bad));

@@ -14,13 +14,14 @@ use std::time::Duration;
 use rigsim_physics::r150::{PwmReading, R150Measurements, Sides};
 use rigsim_settings::SimTime;
 
-use super::codec::{Decoded, Decoder};
+use super::codec;
 use super::command::{Reply, Request};
 use super::settings::{NoiseSettings, R150FirmwareSettings};
 use super::vehicle::Start;
 use super::{R150Device, R150Event};
 use crate::event::EventKind as _;
 use crate::noise::Noise;
+use crate::scanner::Decoded;
 
 /// The smallest step of simulated time.
 const QUANTUM: Duration = Duration::from_nanos(1);
@@ -130,11 +131,11 @@ impl Bench {
     fn ask(&mut self, request: Request) -> Option<Reply> {
         let frame = self.send(&request.encode())?;
         let mut reply = None;
-        let mut decoder = Decoder::new(Duration::from_secs(1));
+        let mut decoder = codec::decoder(Duration::from_secs(1));
         for byte in frame {
             decoder.push(self.now, byte, &mut |decoded| {
                 if let Decoded::Frame(frame) = decoded {
-                    reply = Some(Reply::parse(frame.command(), frame.parameters()).unwrap());
+                    reply = Reply::of(&frame);
                 }
             });
         }

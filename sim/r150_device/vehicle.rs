@@ -6,7 +6,7 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::control::Outputs;
+use super::control::{Outputs, Parts};
 use super::settings::R150FirmwareSettings;
 
 rigsim_settings::words! {
@@ -25,35 +25,33 @@ rigsim_settings::words! {
     }
 }
 
-/// Input of an operator or the app.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub enum OperatorInput {
-    /// Long press of both rear buttons, 解锁.
-    Unlock,
-    /// Short press of the rear buttons, 上锁.
-    Lock,
-    /// Long press of the top button, 解除驻车; the settings say when it works.
-    ReleaseParking,
-    /// The parking brake is put on, 驻车. The manual does not say by which button.
-    Park,
-    /// Long press of the blank middle button, 切换自主模式.
-    Autonomous,
-    /// A motion key goes down, 运动控制; switches to remote mode.
-    Press(Key),
-    /// The motion key goes up.
-    ReleaseKey,
-    /// The emergency stop is pushed in (`true`) or pulled out, 急停开关.
-    EmergencyStop(bool),
-    /// The app takes or leaves control of power and of PWM, whatever the client sends.
-    AppHolds {
-        /// Of the power rails.
-        power: bool,
-        /// Of the PWM outputs.
-        pwm: bool,
-    },
-    /// The app sets its set-points.
-    AppSets(Outputs),
+crate::actions! {
+    /// What an operator or the app does.
+    #[derive(Copy, PartialEq)]
+    pub enum OperatorInput: Operator {
+        /// R150: long press of both rear buttons.
+        Unlock = "unlock";
+        /// R150: short press of the rear buttons.
+        Lock = "lock";
+        /// R150: the parking brake is applied.
+        Park = "park";
+        /// R150: long press of the top button.
+        ReleaseParking = "release_parking";
+        /// R150: long press of the middle button.
+        Autonomous = "autonomous";
+        /// R150: a motion key of the remote control goes down; the vehicle is in remote mode.
+        Press(Key) = "press" tries ["\"forward\"", "\"left\""];
+        /// The motion key goes up.
+        ReleaseKey = "release";
+        /// R150: the remote control takes over, without a key held down: the vehicle rolls freely.
+        TakeOver = "take_over" weaker ["park"];
+        /// R150: the emergency stop goes in (true) or out.
+        EmergencyStop(bool) = "emergency_stop" tries ["true"] weaker ["lock", "park"];
+        /// R150: the app takes or leaves control.
+        AppHolds(Parts) = "app_holds" tries ["{ power = true }", "{ pwm = true }"];
+        /// R150: set-points of the app for the outputs.
+        AppSets(Outputs) = "app_sets" tries ["{}"];
+    }
 }
 
 impl fmt::Display for OperatorInput {
@@ -68,7 +66,8 @@ impl fmt::Display for OperatorInput {
             Self::ReleaseKey => f.write_str("motion key up"),
             Self::EmergencyStop(true) => f.write_str("emergency stop pushed in"),
             Self::EmergencyStop(false) => f.write_str("emergency stop pulled out"),
-            Self::AppHolds { power, pwm } => write!(f, "app holds power {power}, PWM {pwm}"),
+            Self::TakeOver => f.write_str("take over"),
+            Self::AppHolds(Parts { power, pwm }) => write!(f, "app holds power {power}, PWM {pwm}"),
             Self::AppSets(outputs) => {
                 write!(
                     f,
@@ -170,7 +169,11 @@ impl Vehicle {
                     self.lock();
                 }
             }
-            OperatorInput::AppHolds { .. } | OperatorInput::AppSets(_) => {}
+            OperatorInput::TakeOver => {
+                self.autonomous = false;
+                self.key = None;
+            }
+            OperatorInput::AppHolds(_) | OperatorInput::AppSets(_) => {}
         }
     }
 

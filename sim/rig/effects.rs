@@ -68,7 +68,7 @@ impl Rig {
             now,
             device: slot.device.as_mut(),
             world: &mut self.world,
-            link,
+            framing: slot.spec.links[link].framing,
             tally: &mut tally,
             stream: &|purpose| Noise::new(seed, &format!("fault.{name}.{times}.{purpose}")),
         })?;

@@ -4,11 +4,7 @@ use std::ops::Range;
 use std::time::Duration;
 
 use rigsim_core::SimTime;
-use rigsim_core::mecanum_device::codec::{Decoded as Packets, reorder};
-use rigsim_core::mecanum_device::settings::ByteOrder;
-use rigsim_core::message::Message;
-use rigsim_core::r150_device::codec::{Decoded, encode};
-use rigsim_core::scanner::{Format, Scanner};
+use rigsim_core::scanner::{Decoded, Scanner};
 
 use super::Stream;
 
@@ -17,47 +13,11 @@ pub(super) const TIMEOUT: Duration = Duration::from_millis(20);
 /// A pause that is shorter.
 const BREATH: Duration = Duration::from_millis(19);
 
-/// Bytes that a report of a decoder covers.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum Found {
-    /// A whole frame or packet, as it was sent.
-    Good(Vec<u8>),
-    /// So many bytes of none.
-    Bad(usize),
-}
-
-/// What a frame of an R150 covers.
-pub(super) fn of_frame(decoded: Decoded) -> Found {
-    match decoded {
-        Decoded::Frame(frame) => Found::Good(encode(frame.command(), frame.parameters())),
-        Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes) => {
-            Found::Bad(bytes.len())
-        }
-    }
-}
-
-/// What a packet covers that is written so.
-pub(super) fn of_packet<P: Message>(
-    encode: fn(&P) -> Vec<u8>,
-    order: ByteOrder,
-    decoded: Packets<P>,
-) -> Found {
-    match decoded {
-        Packets::Packet(packet) => {
-            let mut bytes = encode(&packet);
-            reorder::<P>(&mut bytes, order);
-            Found::Good(bytes)
-        }
-        Packets::Partial(bytes) | Packets::Noise(bytes) => Found::Bad(bytes.len()),
-    }
-}
-
 /// Plays a stream to a decoder: it finds what `wanted` finds in each part, passes none of the bytes
 /// over in silence, reports none of the others twice, and holds nothing for ever.
-pub(super) fn decodes<F: Format>(
+pub(super) fn decodes(
     stream: &Stream<'_>,
-    decoder: &mut Scanner<F>,
-    of: impl Fn(F::Decoded) -> Found,
+    mut decoder: Scanner,
     wanted: impl Fn(&[u8]) -> Vec<Range<usize>>,
 ) {
     let parts = stream.parts();
@@ -69,10 +29,10 @@ pub(super) fn decodes<F: Format>(
     let mut now = SimTime::ZERO;
     for (piece, long) in stream.pieces() {
         for &byte in piece {
-            decoder.push(now, byte, &mut |decoded| found.push(of(decoded)));
+            decoder.push(now, byte, &mut |decoded| found.push(decoded));
         }
         now += if long { TIMEOUT } else { BREATH };
-        decoder.expire(now, &mut |decoded| found.push(of(decoded)));
+        decoder.expire(now, &mut |decoded| found.push(decoded));
         if long {
             assert_eq!(decoder.deadline(), None, "something is held for ever");
         }
@@ -81,8 +41,10 @@ pub(super) fn decodes<F: Format>(
     let mut bad = 0;
     for found in &found {
         match found {
-            Found::Good(bytes) => good.push(bytes.as_slice()),
-            Found::Bad(bytes) => bad += bytes,
+            Decoded::Frame(bytes) => good.push(bytes.as_slice()),
+            Decoded::Wrong(bytes) | Decoded::Partial(bytes) | Decoded::Noise(bytes) => {
+                bad += bytes.len();
+            }
         }
     }
     assert_eq!(good, wanted);

@@ -12,9 +12,6 @@ use schemars::{Schema, json_schema};
 
 use super::{MecanumCommands, PORTS, Port, PortCommand, WHEELS, Wheel};
 
-/// The word for [`Plugs::AsExpected`].
-const AS_EXPECTED: &str = "as expected";
-
 /// A port for each wheel, no port twice, and a polarity for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Wiring {
@@ -176,56 +173,6 @@ impl SettingValue for Wiring {
     fn schema(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Schema {
         json_schema!({"type": "string", "pattern": "^!?(x|y|z|e0|e1)(-!?(x|y|z|e0|e1)){3}$",
             "examples": ["x-!y-e0-e1"]})
-    }
-}
-
-/// Wiring of the motors as it really is.
-///
-/// It is not the wiring that the firmware expects, so that a miswired car can be had; but where
-/// no setting says otherwise it follows that, so that either documented wiring is one setting.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub enum Plugs {
-    /// As the firmware expects.
-    #[default]
-    AsExpected,
-    /// Like this.
-    Like(Wiring),
-}
-
-impl Plugs {
-    /// The real wiring, given the one that the firmware expects.
-    #[must_use]
-    pub fn wiring(self, expected: Wiring) -> Wiring {
-        match self {
-            Self::AsExpected => expected,
-            Self::Like(wiring) => wiring,
-        }
-    }
-}
-
-impl SettingValue for Plugs {
-    type Bound = Infallible;
-
-    fn read(value: &Value, unit: &str) -> Result<Self, String> {
-        match value {
-            Value::Text(text) if text == AS_EXPECTED => Ok(Self::AsExpected),
-            other => Wiring::read(other, unit).map(Self::Like),
-        }
-    }
-
-    fn show(&self, unit: &str) -> String {
-        match self {
-            Self::AsExpected => format!("\"{AS_EXPECTED}\""),
-            Self::Like(wiring) => wiring.show(unit),
-        }
-    }
-
-    fn allowed(unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
-        format!("\"{AS_EXPECTED}\", or {}", Wiring::allowed(unit, None))
-    }
-
-    fn schema(unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Schema {
-        json_schema!({"anyOf": [{"const": AS_EXPECTED}, Wiring::schema(unit, None)]})
     }
 }
 

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 use rigsim_physics::faults::MotorFaults;
-use rigsim_physics::mecanum::{Plugs, WHEELS, Wheel, Wiring};
+use rigsim_physics::mecanum::{WHEELS, Wheel, Wiring};
 use rigsim_physics::{
     Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World,
     WorldSettings,
@@ -62,10 +62,9 @@ impl Car {
     }
 
     pub fn wired(plugs: Wiring) -> Self {
-        Self::with(&MecanumPlantSettings {
-            plugs: Plugs::Like(plugs),
-            ..MecanumPlantSettings::default()
-        })
+        let Self { world, plant } = Self::new();
+        let plant = plant.wired(plugs);
+        Self { world, plant }
     }
 
     /// What a firmware that expects this wiring does to turn the wheels so.

@@ -16,6 +16,8 @@ quantities! {
     pub(super) Steepness: f64, unit "deg", range -45.0..=45.0, example "12 deg";
     /// A place on the plane: x and y in metres.
     pub(super) Point: [f64; 2], range -EDGE..=EDGE, example "[1.5, -2]";
+    /// Version of the file's form.
+    pub(super) Version: u32, range 1..=1, example "1";
     /// The number that a reader reads of a tag; 0 stands for no tag.
     pub(super) TagNumber: u32, range 1..=u32::MAX, example "77";
 }
@@ -54,26 +56,6 @@ impl TryFrom<String> for Name {
         } else {
             Err(format!(
                 "\"{name}\" is no name; allowed: 1 to 64 letters, digits, - and _"
-            ))
-        }
-    }
-}
-
-/// Version of the file's form: 1.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, JsonSchema)]
-#[serde(try_from = "i64")]
-#[schemars(extend("minimum" = 1, "maximum" = 1))]
-pub(super) struct Version(u8);
-
-impl TryFrom<i64> for Version {
-    type Error = String;
-
-    fn try_from(value: i64) -> Result<Self, String> {
-        if value == 1 {
-            Ok(Self(1))
-        } else {
-            Err(format!(
-                "{value} is not a version that this program reads; allowed: 1"
             ))
         }
     }

@@ -157,7 +157,7 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
     }
     let found = read("schema = 2").unwrap_err().to_string();
     assert!(
-        found.contains("test.toml:1:10") && found.contains("allowed: 1"),
+        found.contains("test.toml:1:10") && found.contains("from 1 to 1"),
         "{found}"
     );
     let found = read("").unwrap_err().to_string();

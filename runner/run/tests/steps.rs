@@ -5,7 +5,7 @@ fn a_host_sends_by_name_or_bytes_and_compares_what_comes_back() {
     passes(&r150(
         "2s",
         "[[step]]\nname = \"a\"\nat = \"10ms\"\nhost = { send = \"heartbeat\", expect = { within = \"5ms\", reply = { success = true } } }\n\
-         [[step]]\nname = \"b\"\nafter = \"a\"\nhost = { bytes = \"AA 55 00 07 C7 84\", expect = { within = \"5ms\", bytes = \"AA 55 01 07 01 C6 53\" } }\n\
+         [[step]]\nname = \"b\"\nafter = \"a\"\nhost = { bytes = \"AA 55 00 07 C7 84\", expect = { within = \"5ms\", reply = { success = true } } }\n\
          [[step]]\nname = \"c\"\nafter = \"b\"\nhost = { bytes = \"AA 55 00 07 00 00\", expect = { within = \"50ms\", silence = true } }\n\
          [[step]]\nname = \"d\"\nafter = \"c\"\nhost = { send = { power_control = { on = [\"48v\", \"5v\"] } }, expect = { within = \"5ms\" } }\n\
          [[step]]\nname = \"e\"\nafter = \"d\"\nhost = { send = \"system_info\", expect = { within = \"20ms\", reply = { power_status = 0x30, voltage_48v = { min = 40000, max = 60000 } } } }\n\
@@ -31,10 +31,6 @@ fn a_reply_that_is_not_as_expected_fails_the_step() {
     fails(
         &send(heartbeat, "silence = true"),
         "wanted silence, AA came",
-    );
-    fails(
-        &send(heartbeat, "bytes = \"AA 56\""),
-        "wanted AA 56, AA 55 came",
     );
     fails(
         &send("bytes = \"AA\"", ""),

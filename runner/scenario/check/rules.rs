@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use rigsim_core::device::client_report_codes;
+use rigsim_settings::or_allowed;
 use toml::Spanned;
 
 use super::Checker;
 use crate::scenario::document::{DemandText, ResponseText, RuleText};
 use crate::scenario::{Cause, Demand, Response, Rule};
-use crate::suggest::or_allowed;
 
 impl Checker<'_> {
     /// Those that a file changes by name need different names.

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use rigsim_settings::or_allowed;
 use toml::Spanned;
 
 use super::{Checker, usual_device};
@@ -11,8 +12,7 @@ use crate::scenario::actions;
 use crate::scenario::document::{StepText, TimeText};
 use crate::scenario::host::HostReader;
 use crate::scenario::{Only, Step, StepAction, Times, Trigger};
-use crate::suggest::or_allowed;
-use crate::tables;
+use crate::sources::{element, table};
 
 /// Times between repetitions, their number, and how long each lasts.
 type Timing = (Option<Times>, Option<u32>, Option<Times>);
@@ -140,12 +140,12 @@ impl Checker<'_> {
         device: Option<usize>,
     ) -> Option<StepAction> {
         // A step that is added is a text of its own.
-        let table = self.tables.of("step", index).unwrap_or(&self.tables.0);
-        let table = table.clone();
+        let own = element(&self.tables, "step", index);
+        let own = own.unwrap_or(&self.tables).clone();
         let plan = device.map(|device| (device, &self.rig.devices[device]));
         let mut actions = Vec::new();
         if let Some(host) = &text.host {
-            let send = tables::table(&table, "host").and_then(|host| host.get("send"));
+            let send = table(&own, "host").and_then(|host| host.get("send"));
             let read = plan.and_then(|plan| {
                 let reader = HostReader {
                     plan,
@@ -168,7 +168,7 @@ impl Checker<'_> {
             ("world", &text.world),
         ];
         for (key, text) in effects {
-            let (Some(text), Some(value)) = (text, table.get(key)) else {
+            let (Some(text), Some(value)) = (text, own.get(key)) else {
                 continue;
             };
             let checked = plan.and_then(|(_, plan)| {

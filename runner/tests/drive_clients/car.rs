@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use rigsim_core::SimTime;
 use rigsim_core::mecanum_device::ascii::{Command, Letter};
-use rigsim_core::mecanum_device::codec::{Decoded, Decoder};
+use rigsim_core::mecanum_device::codec;
 use rigsim_core::mecanum_device::packet::{Request, Status};
 use rigsim_core::mecanum_device::settings::ByteOrder;
+use rigsim_core::scanner::{Decoded, Scanner};
 
 use super::{Client, millis};
 use crate::Ask;
@@ -112,7 +113,7 @@ enum Pause {
 /// A car that is not trusted.
 struct Car<'c> {
     client: &'c Client,
-    decoder: Decoder<Status>,
+    decoder: Scanner,
     now: SimTime,
     greeted: SimTime,
     /// The last packet that was believed, and how many there were.
@@ -150,8 +151,8 @@ impl Car<'_> {
                     for byte in bytes {
                         let mut found = None;
                         self.decoder.push(now, byte, &mut |decoded| {
-                            if let Decoded::Packet(status) = decoded {
-                                found = Some(status);
+                            if let Decoded::Frame(packet) = decoded {
+                                found = codec::parse(&packet, ByteOrder::Little);
                             }
                         });
                         found
@@ -335,7 +336,7 @@ impl Car<'_> {
 pub(crate) fn careful(client: &Client) -> Option<()> {
     let mut car = Car {
         client,
-        decoder: Decoder::new(millis(50), ByteOrder::Little),
+        decoder: codec::decoder::<Status>(millis(50)),
         now: SimTime::ZERO,
         greeted: SimTime::ZERO,
         count: 0,

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use rigsim_core::SimTime;
-use rigsim_core::r150_device::codec::{Decoded, Decoder};
+use rigsim_core::r150_device::codec;
 use rigsim_core::r150_device::command::{Motors, Reply, Request};
+use rigsim_core::scanner::{Decoded, Scanner};
 
 use super::{Client, millis};
 use crate::Ask;
@@ -39,7 +40,7 @@ pub(crate) fn naive(client: &Client) -> Option<()> {
 /// A link that is not trusted.
 struct Link<'c> {
     client: &'c Client,
-    decoder: Decoder,
+    decoder: Scanner,
     now: SimTime,
     /// When something valid last came.
     heard: SimTime,
@@ -52,7 +53,7 @@ impl<'c> Link<'c> {
             if let Some((now, _)) = client.ask(Ask::Open(0)) {
                 return Some(Self {
                     client,
-                    decoder: Decoder::new(millis(50)),
+                    decoder: codec::decoder(millis(50)),
                     now,
                     heard: now,
                 });
@@ -74,8 +75,8 @@ impl<'c> Link<'c> {
             for byte in bytes {
                 self.decoder.push(now, byte, &mut |decoded| {
                     if let Decoded::Frame(frame) = decoded
-                        && frame.command() == request.command()
-                        && let Ok(reply) = Reply::parse(frame.command(), frame.parameters())
+                        && let Some(reply) = Reply::of(&frame)
+                        && reply.command() == request.command()
                     {
                         fitting = Some(reply);
                     }

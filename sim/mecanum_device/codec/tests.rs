@@ -3,18 +3,14 @@ use rigsim_settings::SimTime;
 
 use super::super::packet::{Request, Status};
 use super::*;
+use crate::scanner::Decoded;
 
 const TIMEOUT: Duration = Duration::from_millis(50);
 const NANO: Duration = Duration::from_nanos(1);
 
 /// Everything that the decoder finds in chunks that arrive `gap` apart.
-fn decode<P: Message>(chunks: &[&[u8]], gap: Duration) -> Vec<Decoded<P>> {
-    decode_in(ByteOrder::Little, chunks, gap)
-}
-
-/// The same in this byte order.
-fn decode_in<P: Message>(order: ByteOrder, chunks: &[&[u8]], gap: Duration) -> Vec<Decoded<P>> {
-    let mut decoder = Decoder::new(TIMEOUT, order);
+fn decode<P: Message>(chunks: &[&[u8]], gap: Duration) -> Vec<Decoded> {
+    let mut decoder = decoder::<P>(TIMEOUT);
     let mut found = Vec::new();
     let mut now = SimTime::ZERO;
     for chunk in chunks {
@@ -28,8 +24,12 @@ fn decode_in<P: Message>(order: ByteOrder, chunks: &[&[u8]], gap: Duration) -> V
     found
 }
 
-fn whole(bytes: &[u8]) -> Vec<Decoded<Request>> {
-    decode(&[bytes], Duration::ZERO)
+fn whole(bytes: &[u8]) -> Vec<Decoded> {
+    decode::<Request>(&[bytes], Duration::ZERO)
+}
+
+fn packet(packet: &impl Message) -> Decoded {
+    Decoded::Frame(encode(packet))
 }
 
 fn motion(seq: u8) -> Request {
@@ -55,7 +55,7 @@ fn packets_of_all_types_follow_one_another() {
         },
     ];
     let bytes = requests.map(|request| request.encode()).concat();
-    assert_eq!(whole(&bytes), requests.map(Decoded::Packet));
+    assert_eq!(whole(&bytes), requests.map(|own| packet(&own)));
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn a_byte_that_begins_no_packet_is_skipped_alone() {
         let bytes = [junk, &motion(5).encode()].concat();
         let found = whole(&bytes);
         let noise = Decoded::Noise(junk.to_vec());
-        assert_eq!(found, [noise, Decoded::Packet(motion(5))], "{junk:?}");
+        assert_eq!(found, [noise, packet(&motion(5))], "{junk:?}");
     }
 }
 
@@ -83,7 +83,7 @@ fn noise_is_reported_in_runs() {
     let found = whole(&bytes);
     assert_eq!(found[0], Decoded::Noise(vec![0xAA; 64]));
     assert_eq!(found[1], Decoded::Noise(vec![0xAA; 36]));
-    assert_eq!(found[2], Decoded::Packet(motion(1)));
+    assert_eq!(found[2], packet(&motion(1)));
     assert_eq!(found.len(), 3);
 }
 
@@ -91,10 +91,10 @@ fn noise_is_reported_in_runs() {
 fn a_byte_at_the_timeout_is_in_time_and_one_later_is_not() {
     let bytes = motion(1).encode();
     let (head, tail) = bytes.split_at(5);
-    let in_time = decode(&[head, tail], TIMEOUT);
-    assert_eq!(in_time, [Decoded::Packet(motion(1))]);
+    let in_time = decode::<Request>(&[head, tail], TIMEOUT);
+    assert_eq!(in_time, [packet(&motion(1))]);
     // The last byte of the speed looks like the beginning of a pose.
-    let late: Vec<Decoded<Request>> = decode(&[head, tail], TIMEOUT + NANO);
+    let late = decode::<Request>(&[head, tail], TIMEOUT + NANO);
     assert_eq!(
         late,
         [
@@ -111,31 +111,34 @@ fn a_torn_packet_is_rescanned_from_its_second_byte() {
     let torn = [&[0, 9, 1][..], &inner.encode()].concat();
     let good = motion(2).encode();
     assert_eq!(
-        decode(&[&torn, &good], TIMEOUT + NANO),
+        decode::<Request>(&[&torn, &good], TIMEOUT + NANO),
         [
             Decoded::Partial(torn.clone()),
-            Decoded::Packet(inner),
-            Decoded::Packet(motion(2))
+            packet(&inner),
+            packet(&motion(2))
         ]
     );
     // Without the silence the next packet's first bytes complete it, as nothing tells otherwise.
     let found = whole(&[&torn[..], &good].concat());
+    let Decoded::Frame(bytes) = &found[0] else {
+        panic!("{found:?}")
+    };
     assert!(matches!(
-        found[0],
-        Decoded::Packet(Request::Motion { seq: 1, .. })
+        parse(bytes, ByteOrder::Little),
+        Some(Request::Motion { seq: 1, .. })
     ));
 }
 
 #[test]
 fn big_endian_packets_decode() {
     let bytes = motion(2).encode_in(ByteOrder::Big);
-    let found: Vec<Decoded<Request>> = decode_in(ByteOrder::Big, &[&bytes], Duration::ZERO);
-    assert_eq!(found, [Decoded::Packet(motion(2))]);
+    assert_eq!(whole(&bytes), [Decoded::Frame(bytes.clone())]);
+    assert_eq!(parse(&bytes, ByteOrder::Big), Some(motion(2)));
 }
 
 #[test]
 fn a_reset_forgets_what_is_held() {
-    let mut decoder = Decoder::<Request>::new(TIMEOUT, ByteOrder::Little);
+    let mut decoder = decoder::<Request>(TIMEOUT);
     let mut found = Vec::new();
     for byte in [0xFF, 0, 9, 1] {
         decoder.push(SimTime::ZERO, byte, &mut |d| found.push(d));
@@ -157,8 +160,8 @@ fn a_client_decodes_status_packets_the_same_way() {
     let bytes = status.encode();
     let (_, rest) = bytes.split_at(30);
     // It may attach in the middle of one.
-    let found: Vec<Decoded<Status>> = decode(&[rest, &bytes], TIMEOUT + NANO);
-    assert_eq!(found.last(), Some(&Decoded::Packet(status)));
+    let found = decode::<Status>(&[rest, &bytes], TIMEOUT + NANO);
+    assert_eq!(found.last(), Some(&packet(&status)));
 }
 
 /// Streams made of packets, broken ones, and bytes that look like beginnings.
@@ -181,35 +184,24 @@ fn stream() -> impl Strategy<Value = Vec<u8>> {
 }
 
 /// Every byte that was found, in order.
-fn bytes_of(found: &[Decoded<Request>]) -> Vec<u8> {
+fn bytes_of(found: &[Decoded]) -> Vec<u8> {
     let bytes = found.iter().map(|decoded| match decoded {
-        Decoded::Packet(packet) => packet.encode(),
-        Decoded::Partial(bytes) | Decoded::Noise(bytes) => bytes.clone(),
+        Decoded::Frame(bytes)
+        | Decoded::Wrong(bytes)
+        | Decoded::Partial(bytes)
+        | Decoded::Noise(bytes) => bytes.clone(),
     });
     bytes.collect::<Vec<_>>().concat()
 }
 
 proptest! {
     #[test]
-    fn any_split_gives_the_same_in_any_order(
-        order in prop::sample::select(ByteOrder::ALL.to_vec()), bytes in stream(), cuts in prop::collection::vec(0usize..300, 0..8),
-    ) {
-        let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();
-        cuts.extend([0, bytes.len()]);
-        cuts.sort_unstable();
-        let chunks: Vec<&[u8]> = cuts.windows(2).map(|pair| &bytes[pair[0]..pair[1]]).collect();
-        let split: Vec<Decoded<Request>> = decode_in(order, &chunks, Duration::from_micros(1));
-        let at_once: Vec<Decoded<Request>> = decode_in(order, &[&bytes], Duration::ZERO);
-        prop_assert_eq!(split, at_once);
-    }
-
-    #[test]
     fn any_split_gives_the_same(bytes in stream(), cuts in prop::collection::vec(0usize..300, 0..8)) {
         let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();
         cuts.extend([0, bytes.len()]);
         cuts.sort_unstable();
         let chunks: Vec<&[u8]> = cuts.windows(2).map(|pair| &bytes[pair[0]..pair[1]]).collect();
-        prop_assert_eq!(decode(&chunks, Duration::from_micros(1)), whole(&bytes));
+        prop_assert_eq!(decode::<Request>(&chunks, Duration::from_micros(1)), whole(&bytes));
     }
 
     #[test]
@@ -222,14 +214,14 @@ proptest! {
 
     #[test]
     fn a_packet_after_anything_and_a_pause_is_found(bytes in stream()) {
-        let found = decode(&[&bytes, &motion(77).encode()], TIMEOUT + NANO);
-        prop_assert_eq!(found.last(), Some(&Decoded::Packet(motion(77))));
+        let found = decode::<Request>(&[&bytes, &motion(77).encode()], TIMEOUT + NANO);
+        prop_assert_eq!(found.last(), Some(&packet(&motion(77))));
     }
 
     #[test]
     fn the_other_direction_takes_any_bytes_too(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         let split: Vec<&[u8]> = bytes.chunks(1).collect();
-        let at_once: Vec<Decoded<Status>> = decode(&[&bytes], Duration::ZERO);
+        let at_once = decode::<Status>(&[&bytes], Duration::ZERO);
         prop_assert_eq!(decode::<Status>(&split, Duration::ZERO), at_once);
     }
 }

@@ -25,7 +25,10 @@ fn requests_byte_by_byte() {
     let mode = Request::ControlMode { seq: 1, mode: 1 };
     assert_eq!(mode.encode(), [2, 4, 1, 1]);
     for request in [motion, pose, mode] {
-        assert_eq!(parse::<Request>(&request.encode()), Some(request));
+        assert_eq!(
+            parse::<Request>(&request.encode(), ByteOrder::Little),
+            Some(request)
+        );
     }
 }
 
@@ -61,7 +64,7 @@ fn the_status_packet_byte_by_byte() {
     ];
     assert_eq!(bytes.len(), 39);
     assert_eq!(status.encode(), bytes);
-    assert_eq!(parse::<Status>(&bytes), Some(status));
+    assert_eq!(parse::<Status>(&bytes, ByteOrder::Little), Some(status));
 }
 
 #[test]
@@ -133,11 +136,11 @@ proptest! {
     #[test]
     fn what_parses_encodes_to_the_same_bytes(mut bytes in prop::collection::vec(any::<u8>(), 39)) {
         (bytes[0], bytes[1]) = (0, 39);
-        prop_assert_eq!(parse::<Status>(&bytes).unwrap().encode(), bytes.clone());
+        prop_assert_eq!(parse::<Status>(&bytes, ByteOrder::Little).unwrap().encode(), bytes.clone());
         for [kind, length] in HEADERS {
             let mut request = bytes[..usize::from(length)].to_vec();
             (request[0], request[1]) = (kind, length);
-            prop_assert_eq!(parse::<Request>(&request).unwrap().encode(), request);
+            prop_assert_eq!(parse::<Request>(&request, ByteOrder::Little).unwrap().encode(), request);
         }
     }
 
@@ -147,6 +150,6 @@ proptest! {
             HEADERS.iter().any(|known| known == head)
                 && usize::from(head[1]) == bytes.len()
         });
-        prop_assert_eq!(parse::<Request>(&bytes).is_some(), header);
+        prop_assert_eq!(parse::<Request>(&bytes, ByteOrder::Little).is_some(), header);
     }
 }

@@ -2,12 +2,13 @@ use proptest::prelude::*;
 use rigsim_settings::SimTime;
 
 use super::*;
+use crate::scanner::Decoded;
 
 const TIMEOUT: Duration = Duration::from_millis(20);
 
 /// Everything that the decoder finds in chunks that arrive `gap` apart.
 fn decode(chunks: &[&[u8]], gap: Duration) -> Vec<Decoded> {
-    let mut decoder = Decoder::new(TIMEOUT);
+    let mut decoder = decoder(TIMEOUT);
     let mut found = Vec::new();
     let mut now = SimTime::ZERO;
     for chunk in chunks {
@@ -26,7 +27,7 @@ fn whole(bytes: &[u8]) -> Vec<Decoded> {
 }
 
 fn frame(command: u8, parameters: &[u8]) -> Decoded {
-    Decoded::Frame(Frame(encode(command, parameters)))
+    Decoded::Frame(encode(command, parameters))
 }
 
 #[test]
@@ -75,14 +76,8 @@ fn the_longest_frame_fits() {
 fn a_bad_crc_is_reported_with_its_bytes_and_the_right_crc() {
     let mut bytes = encode(0x07, &[]);
     bytes[5] ^= 1;
-    assert_eq!(
-        whole(&bytes),
-        [Decoded::BadCrc {
-            command: 0x07,
-            bytes,
-            expected: 0x84C7
-        }]
-    );
+    assert_eq!(expected(&bytes), 0x84C7);
+    assert_eq!(whole(&bytes), [Decoded::Wrong(bytes)]);
 }
 
 #[test]
@@ -92,7 +87,7 @@ fn a_frame_inside_the_parameters_of_a_bad_one_is_found() {
     let last = outer.len() - 1;
     outer[last] ^= 0xFF;
     let found = whole(&outer);
-    assert!(matches!(&found[0], Decoded::BadCrc { bytes, .. } if *bytes == outer));
+    assert!(matches!(&found[0], Decoded::Wrong(bytes) if *bytes == outer));
     assert_eq!(found[1..], [frame(0x07, &[])]);
 }
 
@@ -170,10 +165,10 @@ fn reported_bytes(found: &[Decoded]) -> usize {
     found
         .iter()
         .map(|decoded| match decoded {
-            Decoded::Frame(frame) => frame.bytes().len(),
-            Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes) => {
-                bytes.len()
-            }
+            Decoded::Frame(bytes)
+            | Decoded::Wrong(bytes)
+            | Decoded::Partial(bytes)
+            | Decoded::Noise(bytes) => bytes.len(),
         })
         .sum()
 }

@@ -251,10 +251,10 @@ fn off_on_a_lost_heartbeat_leaves_what_the_app_holds() {
         pwm: [7; 4],
     });
     bench.device.operate(bench.now, sets);
-    let app_holds_pwm = OperatorInput::AppHolds {
+    let app_holds_pwm = OperatorInput::AppHolds(Parts {
         power: false,
         pwm: true,
-    };
+    });
     bench.device.operate(bench.now, app_holds_pwm);
     bench.power(0b11);
     bench.after(TIMEOUT);
@@ -268,10 +268,10 @@ fn off_on_a_lost_heartbeat_leaves_what_the_app_holds() {
 #[test]
 fn what_the_app_refuses_may_be_silent() {
     let mut bench = Bench::with(|s| s.on_app_in_control = RefusalReply::Silent);
-    let app_holds = OperatorInput::AppHolds {
+    let app_holds = OperatorInput::AppHolds(Parts {
         power: true,
         pwm: true,
-    };
+    });
     bench.device.operate(bench.now, app_holds);
     assert_eq!(bench.ask(Request::PowerControl { on: 1 }), None);
     assert_eq!(bench.ask(Request::SetPwmOutputs { duty: [1; 4] }), None);

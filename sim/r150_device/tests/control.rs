@@ -1,7 +1,7 @@
 //! Heartbeat, and who is in control.
 
 use super::*;
-use crate::r150_device::control::Outputs;
+use crate::r150_device::control::{Outputs, Parts};
 use crate::r150_device::settings::{ControlTakenBy, OnHeartbeatLoss, OnTakeover};
 use crate::r150_device::vehicle::OperatorInput;
 
@@ -152,10 +152,10 @@ fn while_the_app_holds_control_power_and_pwm_commands_fail() {
     bench.device.operate(bench.now, OperatorInput::AppSets(app));
     bench.device.operate(
         bench.now,
-        OperatorInput::AppHolds {
+        OperatorInput::AppHolds(Parts {
             power: true,
             pwm: true,
-        },
+        }),
     );
     assert!(!bench.power(0b1));
     let refused = Some(Reply::Bool {
@@ -173,10 +173,10 @@ fn while_the_app_holds_control_power_and_pwm_commands_fail() {
     // It may hold one and leave the other.
     bench.device.operate(
         bench.now,
-        OperatorInput::AppHolds {
+        OperatorInput::AppHolds(Parts {
             power: true,
             pwm: false,
-        },
+        }),
     );
     let taken = Some(Reply::Bool {
         command: 0x03,
@@ -186,10 +186,10 @@ fn while_the_app_holds_control_power_and_pwm_commands_fail() {
     assert!(!bench.power(0b1));
     bench.device.operate(
         bench.now,
-        OperatorInput::AppHolds {
+        OperatorInput::AppHolds(Parts {
             power: false,
             pwm: false,
-        },
+        }),
     );
     assert!(bench.power(0b1));
 }

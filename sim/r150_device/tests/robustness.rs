@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::r150_device::codec::encode;
+use crate::r150_device::control::Parts;
 use crate::r150_device::vehicle::{Key, OperatorInput};
 
 fn frame() -> impl Strategy<Value = Vec<u8>> {
@@ -51,14 +52,14 @@ fn step() -> impl Strategy<Value = Step> {
         OperatorInput::ReleaseKey,
         OperatorInput::EmergencyStop(true),
         OperatorInput::EmergencyStop(false),
-        OperatorInput::AppHolds {
+        OperatorInput::AppHolds(Parts {
             power: true,
             pwm: false,
-        },
-        OperatorInput::AppHolds {
+        }),
+        OperatorInput::AppHolds(Parts {
             power: false,
             pwm: false,
-        },
+        }),
     ];
     prop_oneof![
         stream().prop_map(Step::Receive),
@@ -144,11 +145,11 @@ proptest! {
     #[test]
     fn every_reply_is_a_valid_frame(bytes in stream()) {
         let (replies, _) = output(&[(SimTime::ZERO, &bytes)]);
-        let mut decoder = Decoder::new(Duration::from_secs(1));
+        let mut decoder = codec::decoder(Duration::from_secs(1));
         let mut bad = Vec::new();
         for byte in replies {
             decoder.push(SimTime::ZERO, byte, &mut |decoded| match decoded {
-                Decoded::Frame(frame) if Reply::parse(frame.command(), frame.parameters()).is_ok() => {}
+                Decoded::Frame(frame) if Reply::of(&frame).is_some() => {}
                 other => bad.push(other),
             });
         }

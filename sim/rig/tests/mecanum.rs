@@ -10,9 +10,10 @@ use rigsim_physics::world::Obstacle;
 
 use super::*;
 use crate::mecanum::{Mecanum, MecanumSettings};
-use crate::mecanum_device::codec::{Decoded, Decoder};
+use crate::mecanum_device::codec;
 use crate::mecanum_device::packet::{Request as Packet, Status};
 use crate::mecanum_device::settings::{ByteOrder, IdleWheels};
+use crate::scanner::Decoded;
 
 const MAIN: PortId = PortId { device: 0, link: 0 };
 const ROS: PortId = PortId { device: 0, link: 1 };
@@ -61,11 +62,13 @@ fn run(rig: &mut Rig, port: PortId, span: Duration) -> Vec<u8> {
 }
 
 fn statuses(bytes: &[u8]) -> Vec<Status> {
-    let mut decoder: Decoder<Status> = Decoder::new(Duration::from_secs(1), ByteOrder::Little);
+    let mut decoder = codec::decoder::<Status>(Duration::from_secs(1));
     let mut found = Vec::new();
     for &byte in bytes {
         decoder.push(SimTime::ZERO, byte, &mut |decoded| match decoded {
-            Decoded::Packet(status) => found.push(status),
+            Decoded::Frame(packet) => {
+                found.extend(codec::parse::<Status>(&packet, ByteOrder::Little))
+            }
             other => panic!("{other:?}"),
         });
     }

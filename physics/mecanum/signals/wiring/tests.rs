@@ -8,12 +8,7 @@ fn read(text: &str) -> Result<Wiring, String> {
 fn what_is_shown_reads_back() {
     for text in ["x-y-e0-e1", "x-y-z-e0", "!e1-x-!z-y"] {
         assert_eq!(read(text).unwrap().to_string(), text);
-        let plugs = Plugs::read(&Value::Text(text.to_owned()), "").unwrap();
-        assert_eq!(plugs.show(""), format!("\"{text}\""));
     }
-    assert_eq!(Plugs::default().show(""), "\"as expected\"");
-    let word = Value::Text("as expected".to_owned());
-    assert_eq!(Plugs::read(&word, ""), Ok(Plugs::AsExpected));
 }
 
 #[test]
@@ -43,12 +38,4 @@ fn a_reversed_wheel_rolls_the_other_way_and_an_idle_port_holds() {
     assert_eq!(wiring.wheel(Port::Z), None);
     commands.speed_voltage = 0.0;
     assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), 0);
-}
-
-#[test]
-fn plugs_follow_the_firmware_unless_configured() {
-    let expected = Wiring::X_Y_Z_E0;
-    assert_eq!(Plugs::AsExpected.wiring(expected), expected);
-    let other = read("y-x-e0-e1").unwrap();
-    assert_eq!(Plugs::Like(other).wiring(expected), other);
 }
