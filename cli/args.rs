@@ -99,9 +99,11 @@ Example:
       Stop there, paused, with ports and the page. `sim ctl advance 50ms` and `sim ctl resume` go on.";
 
 const MCP_EXAMPLE: &str = "\
-Example, in the file by which an agent knows its servers:
-  {\"mcpServers\": {\"sim\": {\"command\": \"sim\", \"args\": [\"mcp\"]}}}
-      The agent calls its tools in its own folder. A call of `run` or `hunt` starts the client's command.";
+Example:
+  sim mcp < /dev/null
+      Start it and end at once. An agent starts it by a file like this, in its own folder:
+      {\"mcpServers\": {\"sim\": {\"command\": \"sim\", \"args\": [\"mcp\"]}}}
+      A call of `run` or `hunt` starts the client's command.";
 
 const FAULTS_EXAMPLES: &str = "\
 Examples:

@@ -127,7 +127,10 @@ macro_rules! quantities {
             where
                 S: $crate::private::serde::Serializer,
             {
-                serializer.collect_str(self)
+                match <Self as $crate::Written>::UNIT {
+                    "" => $crate::private::serde::Serialize::serialize(&self.0, serializer),
+                    _ => serializer.collect_str(self),
+                }
             }
         }
 

@@ -5,7 +5,6 @@ use std::fs;
 use anyhow::{Context as _, anyhow};
 use maud::Markup;
 use rigsim_core::device::Devices;
-use serde::Serialize;
 
 use crate::exit::Failure;
 use crate::print::complain;
@@ -14,12 +13,13 @@ use crate::visible;
 
 use super::attribution;
 use super::player::records;
-use super::report::slug;
-use super::search::Hunt;
+use super::search::{Found, Hunt};
 use super::space::{FOR_GOOD, Fault, Form, Kind, Trigger, duration, step_name};
 
 /// Candidates that are played at a time.
 const AT_ONCE: usize = 8;
+/// Longest name of a file of a finding.
+const MOST_NAME: usize = 60;
 /// Most files of one rule.
 const MOST_OF_RULE: usize = 3;
 /// Seeds with which a finding is played.
@@ -34,23 +34,6 @@ const SHORTER: [u64; 8] = [10, 20, 50, 100, 200, 500, 1000, 2000];
 const MOVED: [u64; 7] = [20, 50, 100, 200, 500, 1000, 2000];
 /// Times are rounded to these, ms.
 const ROUND: [u64; 5] = [1000, 500, 100, 50, 10];
-
-/// A finding that was written, or could not be shown to be one.
-#[derive(Debug, Serialize)]
-pub(super) struct Found {
-    pub(super) rule: String,
-    pub(super) failure: String,
-    pub(super) faults: Vec<String>,
-    pub(super) file: Option<String>,
-    run: u64,
-    shrink_runs: u64,
-    pub(super) seeds: u64,
-    /// For each fault, in ms: how much earlier and later it may begin.
-    window_ms: Vec<[u64; 2]>,
-    reference_fails: Option<bool>,
-    #[serde(skip)]
-    schedule: Vec<Fault>,
-}
 
 impl Hunt<'_> {
     /// Attributes a broken rule, makes the schedule smaller, and writes it.
@@ -338,4 +321,16 @@ fn ids(schedule: &[Fault]) -> Vec<String> {
     let mut ids: Vec<String> = schedule.iter().map(|fault| fault.kind.to_owned()).collect();
     ids.sort();
     ids
+}
+
+/// A rule as part of the name of a file.
+fn slug(rule: &str) -> String {
+    let words = rule.split(|letter: char| !letter.is_ascii_alphanumeric());
+    let words: Vec<String> = words
+        .filter(|word| !word.is_empty())
+        .map(str::to_ascii_lowercase)
+        .collect();
+    let mut slug = words.join("-");
+    slug.truncate(MOST_NAME);
+    slug.trim_end_matches('-').to_owned()
 }

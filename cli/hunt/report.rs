@@ -18,9 +18,6 @@ use super::finding::SEEDS;
 use super::search::{Hunt, Tried};
 use super::space::duration;
 
-/// Longest name of a file of a finding.
-const MOST_NAME: usize = 60;
-
 /// What all jobs of a hunt came to.
 #[derive(Default)]
 pub(super) struct Summary {
@@ -193,16 +190,4 @@ fn page_of(devices: Devices, hunt: &Hunt<'_>) -> Result<Markup, Failure> {
             }
         }
     })
-}
-
-/// A rule as part of the name of a file.
-pub(super) fn slug(rule: &str) -> String {
-    let words = rule.split(|letter: char| !letter.is_ascii_alphanumeric());
-    let words: Vec<String> = words
-        .filter(|word| !word.is_empty())
-        .map(str::to_ascii_lowercase)
-        .collect();
-    let mut slug = words.join("-");
-    slug.truncate(MOST_NAME);
-    slug.trim_end_matches('-').to_owned()
 }

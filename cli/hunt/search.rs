@@ -16,7 +16,6 @@ use crate::print::{complain, progress};
 use crate::recording;
 use crate::scenario_files::Loaded;
 
-use super::finding::Found;
 use super::moments::{Moment, Samples};
 use super::player::{Player, Seen, digest};
 use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, kinds, step_name};
@@ -119,6 +118,23 @@ pub(super) struct State {
     pub(super) per_rule: BTreeMap<String, Vec<Vec<String>>>,
     pub(super) unavoidable: BTreeMap<String, u64>,
     pub(super) counts: BTreeMap<StageArg, Count>,
+}
+
+/// A finding that was written, or could not be shown to be one.
+#[derive(Debug, Serialize)]
+pub(super) struct Found {
+    pub(super) rule: String,
+    pub(super) failure: String,
+    pub(super) faults: Vec<String>,
+    pub(super) file: Option<String>,
+    pub(super) run: u64,
+    pub(super) shrink_runs: u64,
+    pub(super) seeds: u64,
+    /// For each fault, in ms: how much earlier and later it may begin.
+    pub(super) window_ms: Vec<[u64; 2]>,
+    pub(super) reference_fails: Option<bool>,
+    #[serde(skip)]
+    pub(super) schedule: Vec<Fault>,
 }
 
 pub(super) struct Hunt<'a> {

@@ -18,7 +18,7 @@ use super::settings::{
 pub struct Outputs {
     /// Rails to be on.
     #[serde(rename = "on", deserialize_with = "rails")]
-    #[schemars(with = "Vec<Rail>")]
+    #[schemars(with = "Vec<Rail>", extend("default" = []))]
     pub power: u8,
     /// Duty of the PWM outputs, 0.1 %.
     pub pwm: [u16; 4],

@@ -130,10 +130,10 @@ for body, words in [
     ({}, "step"),
     ([], "object"),
     ("7", "object"),
-    ({"operator": None}, "step"),
 ]:
     why = step(body, status=422)["error"]
     assert words in why and len(why) < 3000, (body, why)
+assert "null" in step({"operator": None}, status=400)["error"]
 for change in ['"stop"', "{}", '{"speed": 0}', '{"speed": 1e9}', '{"speed": "1"}', '{"step": 5}', '{"step": "-1 s"}']:
     call("POST", "/v1/time", change, status=422)
 call("DELETE", "/v1/steps/none", status=404)
