@@ -481,6 +481,10 @@ impl Server {
                     self.set_line(token)?;
                 }
                 Event::Detached => {
+                    // Another may have taken its place already, and hears what has arrived.
+                    if self.ports[token].is_attached() {
+                        self.deliver(token)?;
+                    }
                     self.run.detach(id, now)?;
                     room = self.run.rig().room(id).min(buffer.len());
                 }

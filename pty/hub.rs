@@ -5,8 +5,7 @@
 //! watched for changes (edges), and each report has its port looked at until nothing is left there.
 //! Who is attached follows from that look alone ([`Pair::is_hung_up`](crate::pair::Pair)). The
 //! reports are also counted, for what a look cannot show: that one client has left and another has
-//! come in between. Equal reports that wait together are one, so that the count may be too low: then a
-//! client counts as the next one, or as a part of the one before.
+//! come in between. The count may be wrong, see [`Departures`].
 
 use std::collections::BTreeMap;
 use std::mem::MaybeUninit;
@@ -56,10 +55,34 @@ struct State {
 struct Node {
     token: usize,
     openers: u32,
-    /// The last client that was counted has closed it.
+    /// The count has come to nothing since our last visits.
     departed: bool,
-    /// Another has opened it since.
-    replaced: bool,
+    /// A client has closed it, or has opened it during our last visits.
+    left: bool,
+    /// Another may have opened it unreported: during our last visits, or together with one who has opened
+    /// it since the last one closed it.
+    unsure: bool,
+    /// Reports of openings and of closings since a visit of our own began.
+    opened: u32,
+    closed: u32,
+}
+
+/// Departures from a node, as far as counting shows. Reports of the same kind that come together are
+/// reported as one, so that the count may be wrong either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Departures {
+    #[default]
+    None,
+    /// A client has closed it, and others seem to be there still.
+    OneOfSeveral,
+    /// The last one has closed it, which is reported before the port is hung up. An opening of our own
+    /// would hide that of the next now.
+    Last,
+    /// The last one has closed it, and another may be there, unreported.
+    Unclear,
+    /// The last one has closed it, and another has opened it since, who is reported before it can write
+    /// anything.
+    Replaced,
 }
 
 impl Hub {
@@ -126,6 +149,18 @@ impl Hub {
     }
 }
 
+impl Node {
+    fn departures(&self) -> Departures {
+        match (self.departed, self.openers) {
+            (false, _) if self.left => Departures::OneOfSeveral,
+            (false, _) => Departures::None,
+            (true, 0) if self.unsure => Departures::Unclear,
+            (true, 0) => Departures::Last,
+            (true, _) => Departures::Replaced,
+        }
+    }
+}
+
 impl State {
     fn note(&mut self, wd: i32, events: ReadFlags) {
         if events.contains(ReadFlags::QUEUE_OVERFLOW) {
@@ -138,11 +173,14 @@ impl State {
         };
         if events.contains(ReadFlags::OPEN) {
             node.openers += 1;
-            node.replaced |= node.departed;
+            node.opened += 1;
+            node.unsure |= node.departed;
         }
         if events.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
+            node.closed += 1;
             node.openers = node.openers.saturating_sub(1);
             node.departed |= node.openers == 0;
+            node.left = true;
         }
         self.ready.push(node.token);
     }
@@ -202,7 +240,10 @@ impl Registration {
             token: self.token,
             openers: 0,
             departed: false,
-            replaced: false,
+            left: false,
+            unsure: false,
+            opened: 0,
+            closed: 0,
         };
         state.nodes.insert(wd, node);
         self.wd = Some(wd);
@@ -214,10 +255,12 @@ impl Registration {
         self.hub.lock().ready.push(self.token);
     }
 
-    /// The port has been looked at: it is looked at again unless nothing is left there.
+    /// The port has been looked at: is it to be looked at again, or is nothing left there? Departures are
+    /// yet to be dealt with.
     pub(crate) fn note(&self, idle: bool) {
+        let pending = self.departures() != Departures::None;
         let mut state = self.hub.lock();
-        if idle {
+        if idle && !pending {
             state.ready.retain(|token| *token != self.token);
         } else {
             state.ready.push(self.token);
@@ -229,34 +272,67 @@ impl Registration {
         self.hub.drain()
     }
 
-    /// Returns whether the last client has closed the node since it is watched.
-    pub(crate) fn has_departed(&self) -> bool {
-        self.node(|node| node.departed)
+    /// Departures since our last visits, as far as counting shows.
+    pub(crate) fn departures(&self) -> Departures {
+        self.with_node(|node| node.departures())
     }
 
-    /// Returns whether another client has come since.
-    pub(crate) fn is_replaced(&self) -> bool {
-        self.node(|node| node.replaced)
+    /// The last one has not left after all: a client is there whose opening was reported together with
+    /// another's.
+    pub(crate) fn correct_last(&self) {
+        self.with_node(|node| (node.openers, node.departed, node.left) = (1, false, true));
     }
 
-    /// A client has the node open, whether that was reported or not.
-    pub(crate) fn note_open(&self) -> Result<(), PortErrorKind> {
+    /// We ourselves are about to open and close the node. Returns whether anybody has departed.
+    pub(crate) fn begin_visits(
+        &self,
+        is_hung_up: impl FnOnce() -> Result<bool, PortErrorKind>,
+    ) -> Result<bool, PortErrorKind> {
         self.drain()?;
-        self.node(|node| {
-            node.openers = node.openers.max(1);
-            true
+        // A client that comes from here on is yet to be reported.
+        let hung_up = is_hung_up()?;
+        Ok(self.with_node(|node| {
+            (node.opened, node.closed) = (0, 0);
+            if hung_up {
+                node.openers = 0;
+            }
+            node.departed
+        }))
+    }
+
+    /// We have done so `visits` times; others may have come or left meanwhile. Who had `departed` before
+    /// is not done with. A client that is there may not be reported yet, so that the count is
+    /// corrected where no client is, and never upwards.
+    pub(crate) fn end_visits(
+        &self,
+        visits: u32,
+        hung_up: bool,
+        departed: bool,
+    ) -> Result<(), PortErrorKind> {
+        self.drain()?;
+        self.with_node(|node| {
+            node.departed = node.closed != visits || departed;
+            node.unsure = node.departed;
+            node.left = node.opened != visits;
+            if hung_up {
+                node.openers = 0;
+            }
         });
         Ok(())
     }
 
-    fn node(&self, act: impl FnOnce(&mut Node) -> bool) -> bool {
-        let mut state = self.hub.lock();
-        let node = self.wd.and_then(|wd| state.nodes.get_mut(&wd));
-        node.is_some_and(act)
+    /// A client had the node open before it was watched.
+    pub(crate) fn add_opener(&self) {
+        self.with_node(|node| node.openers = node.openers.max(1));
     }
 
-    /// Reports no more who opens and closes the node.
-    pub(crate) fn unwatch_node(&mut self) {
+    fn with_node<T: Default>(&self, act: impl FnOnce(&mut Node) -> T) -> T {
+        let mut state = self.hub.lock();
+        let node = self.wd.and_then(|wd| state.nodes.get_mut(&wd));
+        node.map(act).unwrap_or_default()
+    }
+
+    fn unwatch_node(&mut self) {
         if let Some(wd) = self.wd.take() {
             self.hub.lock().nodes.remove(&wd);
             // The watch is already gone if the node is.
@@ -271,5 +347,46 @@ impl Drop for Registration {
         // Epoll forgets a descriptor when its port closes it.
         let token = self.token;
         self.hub.lock().ready.retain(|ready| *ready != token);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Who seems to have left after reports of openings, `o`, and closings, `c`.
+    #[test]
+    fn departures_follow_from_the_reports() {
+        for (reports, expected) in [
+            ("", Departures::None),
+            ("oo", Departures::None),
+            ("ooc", Departures::OneOfSeveral),
+            // Two that opened together may be reported as one.
+            ("oc", Departures::Last),
+            ("oco", Departures::Replaced),
+            // The second opening may be that of two as well.
+            ("ococ", Departures::Unclear),
+            ("oocc", Departures::Last),
+        ] {
+            let mut state = State::default();
+            let node = Node {
+                token: 7,
+                openers: 0,
+                departed: false,
+                left: false,
+                unsure: false,
+                opened: 0,
+                closed: 0,
+            };
+            state.nodes.insert(1, node);
+            for report in reports.chars() {
+                let events = match report {
+                    'o' => ReadFlags::OPEN,
+                    _ => ReadFlags::CLOSE_WRITE,
+                };
+                state.note(1, events);
+            }
+            assert_eq!(state.nodes[&1].departures(), expected, "{reports}");
+        }
     }
 }

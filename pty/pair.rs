@@ -254,34 +254,55 @@ impl Pair {
         Ok(())
     }
 
-    /// Makes the client's end as it was before any client came. A next client, who may come at any
-    /// moment, keeps what it has set; what it could not mend or would suffer from is undone all the same.
-    /// Returns whether a client can use it.
-    pub(crate) fn restore(&self) -> Result<bool, PortErrorKind> {
+    /// Makes the client's end as it was before any client came; says whether it is, and how often
+    /// it was opened for that. The next client, who may come at any moment, keeps whatever it has
+    /// set.
+    pub(crate) fn restore(&self) -> Result<(bool, u32), PortErrorKind> {
         self.flush_output()?;
         // A client may come and go meanwhile, and leave something again.
-        for _ in 0..MOST_VISITS {
-            let taken = self.is_taken()?;
+        for visit in 0..MOST_VISITS {
             self.restore_settings()?;
             let Some(slave) = self.look_in()? else {
-                return self.is_taken();
+                return Ok((self.is_taken()?, visit));
             };
-            if !taken {
-                restore_line_discipline(&slave).map_err(PortErrorKind::call("TIOCSETD"))?;
-                unless_hung_up(ioctl_tiocnxcl(&slave)).map_err(PortErrorKind::call("TIOCNXCL"))?;
-                self.set_permissions(&slave)?;
-            }
-            // After the settings, since those that end suspension by XOFF do so only while nothing else
+            // Settings first, since those that end suspension by XOFF do so only while nothing else
             // suspends.
-            unless_hung_up(tcflow(&slave, Action::OOn)).map_err(PortErrorKind::call("tcflow"))?;
-            unless_hung_up(tcflush(&slave, QueueSelector::IFlush))
-                .map_err(PortErrorKind::call("tcflush"))?;
+            restore_line_discipline(&slave).map_err(PortErrorKind::call("TIOCSETD"))?;
+            unless_hung_up(ioctl_tiocnxcl(&slave)).map_err(PortErrorKind::call("TIOCNXCL"))?;
+            self.set_permissions(&slave)?;
+            resume_and_empty(&slave)?;
             drop(slave);
             if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
-                return Ok(true);
+                return Ok((true, visit + 1));
             }
         }
-        Ok(false)
+        Ok((false, MOST_VISITS))
+    }
+
+    /// Undoes of that what a next client, who is there already, could not mend or would suffer
+    /// from; says how often it was opened for that.
+    pub(crate) fn restore_for_next(&self) -> Result<u32, PortErrorKind> {
+        self.flush_output()?;
+        self.look_in_for_next(resume_and_empty)
+    }
+
+    /// The same, but takes nothing from one who has been there for long.
+    pub(crate) fn resume(&self) -> Result<u32, PortErrorKind> {
+        self.look_in_for_next(resume)
+    }
+
+    fn look_in_for_next(
+        &self,
+        mend: impl FnOnce(&OwnedFd) -> Result<(), PortErrorKind>,
+    ) -> Result<u32, PortErrorKind> {
+        // No client that wants to talk sets this, so it is not the next one's.
+        if self.settings()?.output_speed() == 0 {
+            self.write_defaults()?;
+        }
+        match self.look_in()? {
+            Some(slave) => mend(&slave).map(|()| 1),
+            None => Ok(0),
+        }
     }
 
     fn flush_output(&self) -> Result<(), PortErrorKind> {
@@ -291,12 +312,15 @@ impl Pair {
 
     /// Settings can only be written all at once, so that writing them undoes what a client changes
     /// at the same time. So they are not written without need, and whether a client has come is
-    /// asked at the last moment. Speed 0 is of no client that wants to talk.
+    /// asked at the last moment.
     fn restore_settings(&self) -> Result<(), PortErrorKind> {
-        let found = self.settings()?;
-        if is_same(&found, &self.defaults) || found.output_speed() != 0 && self.is_taken()? {
+        if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
             return Ok(());
         }
+        self.write_defaults()
+    }
+
+    fn write_defaults(&self) -> Result<(), PortErrorKind> {
         tcsetattr(&self.master, OptionalActions::Now, &self.defaults)
             .map_err(PortErrorKind::call("tcsetattr"))
     }
@@ -349,6 +373,16 @@ impl AsFd for Pair {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.master.as_fd()
     }
+}
+
+/// Resumes the client's output, and takes back what has arrived for it and was not read.
+fn resume_and_empty(slave: &OwnedFd) -> Result<(), PortErrorKind> {
+    resume(slave)?;
+    unless_hung_up(tcflush(slave, QueueSelector::IFlush)).map_err(PortErrorKind::call("tcflush"))
+}
+
+fn resume(slave: &OwnedFd) -> Result<(), PortErrorKind> {
+    unless_hung_up(tcflow(slave, Action::OOn)).map_err(PortErrorKind::call("tcflow"))
 }
 
 /// A privileged client may hang up all who have the node open, ourselves for once. What was to be undone is

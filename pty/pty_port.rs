@@ -7,11 +7,12 @@
 use rigsim_settings::ClientLine;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use rustix::io::Errno;
 
 use crate::error::{PortError, PortErrorKind};
-use crate::hub::{BOTH, IN, Registration};
+use crate::hub::{BOTH, Departures, IN, Registration};
 use crate::kind::{Counters, Event, Kind};
 use crate::line::from_termios;
 use crate::pair::{Pair, PtySetup, Read};
@@ -22,6 +23,9 @@ const MOST_READS: usize = 8;
 /// Most bytes kept for a client that does not read, beside some 20 kB in the kernel: as many as Linux keeps
 /// of what a serial port has received.
 const MOST_UNSENT: usize = 1 << 16;
+/// Longest time from the report that the last client has closed the port until it is hung up. If
+/// that takes longer, a client is still there.
+const CLOSING: Duration = Duration::from_millis(20);
 
 /// A pseudo-terminal, with or without a link to it at a path of the user's
 /// choice.
@@ -31,9 +35,10 @@ pub(crate) struct PtyPort {
     link: Option<Link>,
     registration: Option<Registration>,
     pair: Pair,
-    is_attached: bool,
-    /// Bytes that were read before it was known that another client has come in the place of the last,
-    /// to be handed out once that is reported.
+    client: Client,
+    /// Since when the last client seems to be closing the port.
+    closing: Option<Instant>,
+    /// Bytes that were read before that was known, to be handed out after it.
     held: Vec<u8>,
     /// Number of the bytes that wait to be read that were there at the last look: of a client that
     /// has left since, or takes back what it has written, these are to be thrown away, and no
@@ -44,6 +49,19 @@ pub(crate) struct PtyPort {
     /// Set if the waiter is to report that there is room again.
     watches_room: bool,
     counters: Counters,
+}
+
+/// State of the port's clients, and what is to be reported of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Client {
+    None,
+    /// It is known that it is there.
+    Attached,
+    /// Another has come in its place without the port having been hung up at any look: that it has left is
+    /// to be reported.
+    Replaced,
+    /// That the other is there is to be reported.
+    New,
 }
 
 impl PtyPort {
@@ -66,7 +84,8 @@ impl PtyPort {
             link,
             registration: None,
             pair,
-            is_attached: false,
+            client: Client::None,
+            closing: None,
             held: Vec::new(),
             seen: 0,
             unsent: VecDeque::new(),
@@ -86,7 +105,7 @@ impl Kind for PtyPort {
     }
 
     fn is_attached(&self) -> bool {
-        self.is_attached
+        self.client != Client::None
     }
 
     fn counters(&self) -> Counters {
@@ -110,7 +129,7 @@ impl Kind for PtyPort {
             .map_err(|kind| self.error("read from", kind))?;
         self.watch_room()?;
         if let Some(registration) = &self.registration {
-            registration.note(event == Some(Event::Idle) && !registration.is_replaced());
+            registration.note(event == Some(Event::Idle));
         }
         Ok(event.unwrap_or(Event::Idle))
     }
@@ -121,8 +140,12 @@ impl Kind for PtyPort {
             self.counters.dropped_detached_bytes += bytes.len() as u64;
             return Ok(0);
         }
+        // What this answers may be from a client that came in another's place. What waits there is
+        // the other's, and has to be taken back before.
+        self.notice_handover()
+            .map_err(|kind| self.error("write to", kind))?;
         let mut sent = 0;
-        if self.unsent.is_empty() {
+        if self.unsent.is_empty() && !self.is_unclear() {
             sent = write_some(&self.pair, bytes)
                 .map_err(|errno| self.error("write to", PortErrorKind::call("write")(errno)))?;
         }
@@ -141,9 +164,12 @@ impl Kind for PtyPort {
             if let Some(old) = self.registration.take() {
                 old.forget(&self.pair);
             }
+            registration.watch_node(self.pair.slave())?;
             registration.watch(&self.pair, IN)?;
             self.watches_room = false;
-            watch_clients(&mut registration, &self.pair)?;
+            if !self.pair.is_hung_up()? {
+                registration.add_opener();
+            }
             self.registration = Some(registration);
             Ok(())
         };
@@ -154,17 +180,24 @@ impl Kind for PtyPort {
 impl PtyPort {
     /// `None` if the port has to be looked at again to know.
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortErrorKind> {
-        if !self.is_attached {
+        if matches!(self.client, Client::None | Client::New) {
             return self.arrival().map(Some);
         }
         // In this order: what is counted was there before any departure that is not noted yet.
         let unread = if buf.is_empty() {
-            self.pair.unread()?
+            let unread = self.pair.unread()?;
+            self.drain()?;
+            unread
         } else {
             None
         };
-        if self.is_replaced()? {
-            return self.hand_over().map(Some);
+        self.notice_handover()?;
+        if self.client == Client::Replaced {
+            return Ok(Some(self.hand_over()));
+        }
+        if self.is_unclear() {
+            // What there is to read may be the next one's.
+            return Ok(None);
         }
         if buf.is_empty() {
             // What is left of a client that is gone will not be sent.
@@ -189,9 +222,11 @@ impl PtyPort {
                     // The client that wrote these has been reported by now. If it came in
                     // another's place, this is reported first, so that what is answered is not lost with
                     // what was on its way to the other. What was there before is the other's.
-                    if self.is_replaced()? {
+                    self.drain()?;
+                    self.notice_handover()?;
+                    if self.client == Client::Replaced {
                         self.held.extend_from_slice(&buf[old..n]);
-                        return self.hand_over().map(Some);
+                        return Ok(Some(self.hand_over()));
                     }
                     return Ok(Some(Event::Data(n)));
                 }
@@ -202,7 +237,10 @@ impl PtyPort {
                     if input && !self.unsent.is_empty() {
                         // What waits behind the last 4095 bytes has outlived the flush.
                         self.unsent.clear();
-                        self.restore()?;
+                        self.visit(true, Pair::restore_for_next)?;
+                        if self.is_unclear() {
+                            return Ok(None);
+                        }
                     }
                 }
                 Read::Other => {}
@@ -220,41 +258,67 @@ impl PtyPort {
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
         // A client that came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        let departed = self.registration.as_ref();
-        if !departed.is_some_and(Registration::has_departed)
-            && self.held.is_empty()
-            && !self.pair.has_client()?
-        {
+        let none_left = self.departures() == Departures::None;
+        if self.client == Client::None && none_left && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
-        self.is_attached = true;
+        self.client = Client::Attached;
         self.counters.attached += 1;
         Ok(Event::Attached)
     }
 
-    /// Returns whether the last client has left and another has come between two looks. A port that is
-    /// hung up is found so when it is read.
-    fn is_replaced(&self) -> Result<bool, PortErrorKind> {
-        let Some(registration) = &self.registration else {
-            return Ok(false);
-        };
-        registration.drain()?;
-        Ok(registration.is_replaced() && !self.pair.is_hung_up()?)
+    /// Takes note of clients having left, and others having come, between two looks.
+    fn notice_handover(&mut self) -> Result<(), PortErrorKind> {
+        let departures = self.departures();
+        // A port that is hung up is found so when it is read.
+        if departures == Departures::None || self.pair.is_hung_up()? {
+            self.closing = None;
+            return Ok(());
+        }
+        if let Departures::Last | Departures::Unclear = departures {
+            let since = *self.closing.get_or_insert_with(Instant::now);
+            if since.elapsed() < CLOSING {
+                return Ok(());
+            }
+        }
+        self.closing = None;
+        match departures {
+            Departures::None => {}
+            Departures::OneOfSeveral => self.visit(true, Pair::resume)?,
+            Departures::Last => {
+                self.registration
+                    .iter()
+                    .for_each(Registration::correct_last);
+                self.visit(true, Pair::resume)?;
+            }
+            Departures::Unclear | Departures::Replaced => {
+                self.discard_seen()?;
+                self.unsent.clear();
+                self.visit(false, Pair::restore_for_next)?;
+                // That a third has taken the place of one that was not reported is not reported.
+                if self.client == Client::Attached {
+                    self.client = Client::Replaced;
+                }
+            }
+        }
+        Ok(())
     }
 
-    /// Takes from the next client what was the last one's; that the next is there is reported after this.
-    fn hand_over(&mut self) -> Result<Event, PortErrorKind> {
-        self.discard_seen()?;
-        self.unsent.clear();
-        self.restore()?;
-        self.is_attached = false;
-        Ok(Event::Detached)
+    /// Whether it is yet to be seen who is there, so that nothing is to be read or sent.
+    fn is_unclear(&self) -> bool {
+        self.closing.is_some() && self.departures() == Departures::Unclear
+    }
+
+    /// Reports that the one has left; that the other is there is reported next.
+    fn hand_over(&mut self) -> Event {
+        self.client = Client::New;
+        Event::Detached
     }
 
     /// Sends of what was kept as much as there is room for.
     fn send_unsent(&mut self) -> Result<(), PortErrorKind> {
         // It may have happened that the client does not want it any more.
-        if self.unsent.is_empty() || self.pair.has_happened()? {
+        if self.unsent.is_empty() || self.is_unclear() || self.pair.has_happened()? {
             return Ok(());
         }
         let kept = self.unsent.make_contiguous();
@@ -284,32 +348,22 @@ impl PtyPort {
 
     /// Makes the port as it was before any client came.
     fn vacate(&mut self) -> Result<Event, PortErrorKind> {
+        self.closing = None;
         self.pair.discard_left_behind()?;
         self.held.clear();
         self.unsent.clear();
         self.seen = 0;
-        if !self.restore()? {
+        let mut restored = false;
+        self.visit(false, |pair| {
+            let visits;
+            (restored, visits) = pair.restore()?;
+            Ok(visits)
+        })?;
+        if !restored {
             self.recreate()?;
         }
-        self.is_attached = false;
+        self.client = Client::None;
         Ok(Event::Detached)
-    }
-
-    /// Undoes what a client has left at the terminal; returns whether the next can use it.
-    fn restore(&mut self) -> Result<bool, PortErrorKind> {
-        // Here the node is opened by the simulator, which is not to be reported.
-        if let Some(registration) = &mut self.registration {
-            registration.unwatch_node();
-        }
-        let restored = self.pair.restore()?;
-        // It flushes, too, which is no wish of the client's. What it takes back itself meanwhile is.
-        if let Read::Flushed { output: true, .. } = self.pair.forget_happened()? {
-            self.discard_seen()?;
-        }
-        if let Some(registration) = &mut self.registration {
-            watch_clients(registration, &self.pair)?;
-        }
-        Ok(restored)
     }
 
     /// What the next client cannot use, for this process may not undo what was done to it, is
@@ -324,25 +378,57 @@ impl PtyPort {
             }
         }
         if let Some(registration) = &mut self.registration {
+            registration.watch_node(pair.slave())?;
             registration.watch(&pair, IN)?;
-            watch_clients(registration, &pair)?;
         }
         self.watches_room = false;
         self.pair = pair;
         Ok(())
     }
 
+    fn drain(&self) -> Result<(), PortErrorKind> {
+        self.registration
+            .as_ref()
+            .map_or(Ok(()), Registration::drain)
+    }
+
+    fn departures(&self) -> Departures {
+        let registration = self.registration.as_ref();
+        registration.map_or(Departures::None, Registration::departures)
+    }
+
+    /// Opens the node here, as often as `open` says, which is counted; `keeps` says that
+    /// the client that has departed is yet to be reported. While that is being found out, it is not opened.
+    fn visit(
+        &mut self,
+        keeps: bool,
+        open: impl FnOnce(&Pair) -> Result<u32, PortErrorKind>,
+    ) -> Result<(), PortErrorKind> {
+        let mut departed = false;
+        if let Some(registration) = &self.registration {
+            departed = registration.begin_visits(|| self.pair.is_hung_up())?;
+            let is_open = matches!(self.departures(), Departures::Last | Departures::Unclear);
+            if keeps && is_open {
+                return Ok(());
+            }
+        }
+        let visits = open(&self.pair)?;
+        // A visit flushes, which is no wish of the client's. What it takes back itself meanwhile is.
+        if let Read::Flushed { output: true, .. } = self.pair.forget_happened()? {
+            self.discard_seen()?;
+        }
+        let hung_up = self.pair.is_hung_up()?;
+        if let Some(registration) = &self.registration {
+            registration.end_visits(visits, hung_up, departed && keeps)?;
+        }
+        if self.departures() == Departures::Unclear {
+            self.closing.get_or_insert_with(Instant::now);
+        }
+        Ok(())
+    }
+
     fn error(&self, action: &'static str, kind: PortErrorKind) -> PortError {
         PortError::new(action, PathBuf::from(self.path()), kind)
-    }
-}
-
-/// Makes the waiter report clients that come and go from now on.
-fn watch_clients(registration: &mut Registration, pair: &Pair) -> Result<(), PortErrorKind> {
-    registration.watch_node(pair.slave())?;
-    match pair.is_hung_up()? {
-        true => Ok(()),
-        false => registration.note_open(),
     }
 }
 

@@ -24,10 +24,12 @@ fn a_client_that_has_come_before_settings_are_restored_keeps_its_own() {
     drop(former);
     let client = client_of(&pair);
     set_speed(&client, 57_600);
-    assert_eq!(pair.restore().ok(), Some(true));
+    assert_eq!(pair.restore().ok(), Some((true, 1)));
+    assert_eq!(speed(&pair), 57_600);
+    pair.restore_for_next().expect("it is restored");
     assert_eq!(speed(&pair), 57_600);
     drop(client);
-    assert_eq!(pair.restore().ok(), Some(true));
+    assert_eq!(pair.restore().ok(), Some((true, 1)));
     assert_eq!(speed(&pair), 115_200);
 }
 
@@ -54,7 +56,12 @@ fn what_waits_for_a_client_is_taken_back() {
     let pair = Pair::open(PtySetup::raw(115_200)).expect("a pair");
     let client = client_of(&pair);
     let mut buf = [0; 8];
-    assert_eq!(rustix::io::write(&pair.master, b"reply"), Ok(5));
-    assert_eq!(pair.restore().ok(), Some(true));
-    assert_eq!(rustix::io::read(&client, &mut buf), Err(Errno::AGAIN));
+    for restore in [
+        Pair::restore_for_next as fn(&Pair) -> Result<u32, PortErrorKind>,
+        |pair| pair.restore().map(|(_, visits)| visits),
+    ] {
+        assert_eq!(rustix::io::write(&pair.master, b"reply"), Ok(5));
+        assert_eq!(restore(&pair).ok(), Some(1));
+        assert_eq!(rustix::io::read(&client, &mut buf), Err(Errno::AGAIN));
+    }
 }

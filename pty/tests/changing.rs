@@ -243,6 +243,23 @@ fn what_waits_together_is_kept_apart_as_far_as_it_was_seen() {
     assert_eq!(all(&mut bench), (CHANGE.to_vec(), b"hello".to_vec()));
 }
 
+#[test]
+fn what_is_sent_while_a_change_of_clients_is_reported_is_the_next_one_s() {
+    let mut bench = Bench::unlinked();
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    bench.expect_quiet();
+    drop(first);
+    let second = bench.client();
+    bench.expect(Event::Detached);
+    assert_eq!(bench.port.write(b"rest").unwrap(), 4);
+    bench.expect(Event::Attached);
+    assert_eq!(second.receive(4), b"rest");
+    drop(second);
+    bench.expect(Event::Detached);
+    assert_eq!(bench.port.write(b"rest").unwrap(), 0);
+}
+
 /// Makes a thread end, also when the test fails.
 struct Stop<'a>(&'a AtomicBool);
 

@@ -169,6 +169,53 @@ fn settle(bench: &mut Bench) {
     }
 }
 
+/// Two that close one after the other are reported as one, so that by counting one of them is there
+/// for ever.
+#[test]
+fn output_held_back_goes_on_though_others_seem_to_be_there() {
+    let mut bench = Bench::unlinked();
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    settle(&mut bench);
+    let second = bench.client();
+    settle(&mut bench);
+    drop((first, second));
+    let holds = bench.client();
+    tcflow(&holds, Action::OOff).unwrap();
+    drop(holds);
+    let next = bench.client();
+    settle(&mut bench);
+    next.send(b"asks");
+    let mut heard = Vec::new();
+    let mut buf = [0; 64];
+    until("it is heard", || {
+        if let Event::Data(count) = bench.port.read(&mut buf).unwrap() {
+            heard.extend_from_slice(&buf[..count]);
+        }
+        heard == b"asks"
+    });
+}
+
+/// Two that open one after the other are reported as one, so that by counting no client is left when one
+/// of them leaves.
+#[test]
+fn output_held_back_goes_on_though_no_client_seems_to_be_there() {
+    let mut bench = Bench::unlinked();
+    let (stays, holds) = (bench.client(), bench.client());
+    bench.expect(Event::Attached);
+    settle(&mut bench);
+    tcflow(&holds, Action::OOff).unwrap();
+    drop(holds);
+    settle(&mut bench);
+    for _ in 0..2 {
+        stays.send(b"asks");
+        assert_eq!(bench.expect_bytes(4), b"asks");
+    }
+    drop(stays);
+    bench.expect(Event::Detached);
+    bench.expect_quiet();
+}
+
 /// It may come while we ourselves have the node open.
 #[test]
 fn clients_that_hang_the_port_up_for_all_do_so_at_any_moment() {
