@@ -179,6 +179,10 @@ impl Port {
         let (kept, lost) = bytes.split_at(bytes.len().min(room));
         self.lost += lost.len() as u64;
         self.waiting.extend(kept);
+        if !kept.is_empty() {
+            // What arrives is a new edge for an epoll, and a new signal, though other bytes wait already.
+            self.take_sign();
+        }
         self.top_up()
     }
 
@@ -266,7 +270,8 @@ impl Port {
     /// The last client has left; what it has not read is not for the next.
     pub(crate) fn forget_client(&mut self) {
         self.waiting.clear();
-        (self.needs_sign, self.has_sign) = (false, false);
+        // An epoll may watch it for the next client already, so it needs signs as before.
+        self.has_sign = false;
         self.modem = 0;
         if let Some(pair) = &self.pair {
             // Both cannot fail on a terminal that is there.
@@ -470,16 +475,17 @@ impl Pair {
         ))
     }
 
-    /// Takes all that has passed the terminal, and what is still on its way: a poll of a terminal with
-    /// nothing to read waits for that.
+    /// Takes all that has passed the terminal, and what is still on its way: a poll of a terminal waits
+    /// for that. A read that does not wait takes what is there, whatever VMIN says.
     fn take_unread(&self) -> Vec<u8> {
         let mut all = Vec::new();
-        while self.is_readable()
-            && let Some(bytes) = read(&self.slave, MOST_READ).filter(|bytes| !bytes.is_empty())
-        {
-            all.extend(bytes);
+        loop {
+            self.is_readable();
+            match read(&self.slave, MOST_READ) {
+                Some(bytes) if !bytes.is_empty() => all.extend(bytes),
+                _ => return all,
+            }
         }
-        all
     }
 
     /// Returns whether a read would return something, by the terminal's own rules. If it would not,

@@ -100,17 +100,22 @@ int main(void) {
   n = epoll_wait(e, &got, 1, 0); printf(" %d %d", n, next(9)); n = epoll_wait(e, &got, 1, 10); printf(" %d;", n);
   one.events |= EPOLLET; epoll_ctl(e, EPOLL_CTL_MOD, fd, &one); write(fd, "gh\n", 3);
   n = epoll_wait(e, &got, 1, 1000); printf(" edge %d", n); n = epoll_wait(e, &got, 1, 10); printf(" %d %d", n, next(9));
+  write(fd, "wx\n", 3); n = epoll_wait(e, &got, 1, 1000); write(fd, "yz\n", 3); n += epoll_wait(e, &got, 1, 1000);
+  printf(" %d", n); n = next(9); printf(" %d", n);
   write(fd, "ij\n", 3); n = epoll_wait(e, &got, 1, 1000); printf(" %d\n", n);
   struct termios raw, line; tcgetattr(fd, &raw); line = raw; line.c_lflag |= ICANON; tcsetattr(fd, TCSANOW, &line);
   printf("line %d unread", unread()); n = next(9); printf(" %d %.2s,", n, b); n = next(9); printf(" %d\n", n);
   tcsetattr(fd, TCSANOW, &raw); write(fd, "kl\n", 3); usleep(60000); tcflush(fd, TCIFLUSH);
   n = epoll_wait(e, &got, 1, 10); printf("flushed %d %d\n", n, unread());
+  close(fd); fd = open(getenv("PORT"), O_RDWR | O_NOCTTY | O_NONBLOCK);
+  one.events = EPOLLIN; epoll_ctl(e, EPOLL_CTL_ADD, fd, &one);
+  write(fd, "qr\n", 3); n = epoll_wait(e, &got, 1, 1000); printf("opened again %d", n); n = next(9); printf(" %d\n", n);
   epoll_ctl(e, EPOLL_CTL_DEL, fd, 0); signal(SIGIO, signalled); fcntl(fd, F_SETOWN, getpid());
   fcntl(fd, F_SETFL, O_NONBLOCK | O_ASYNC); write(fd, "mn\n", 3); pause(); n = next(9); printf("signal %d %d\n", caught, n);
 }
 "#,
         "poll 2 0 4 0 20; 1 0 1, 3 unread, 2 1 -1\nselect 1 0 0 1; 1 at 950000; -1\n\
-         epoll 1 1 1 2 0; edge 1 0 3 1\nline 3 unread 3 IJ, -1\nflushed 0 0\nsignal 1 3\n",
+         epoll 1 1 1 2 0; edge 1 0 3 2 6 1\nline 3 unread 3 IJ, -1\nflushed 0 0\nopened again 1 3\nsignal 1 3\n",
     );
 }
 

@@ -6,8 +6,9 @@ use rustix::event::PollFlags;
 use crate::traced::arch::Syscall;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::memory::Memory;
+use crate::traced::proc::table_size;
 use crate::traced::sys::Tid;
-use crate::traced::syscall::{Entry, Halt, Handling, counted, int, low};
+use crate::traced::syscall::{Entry, Halt, Handling, counted, int};
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::{PollResult, Wait};
 
@@ -104,10 +105,14 @@ impl Tracer<'_> {
     fn select(&mut self, entry: Entry, micros: bool, times: Times) -> Result<Handling, Halt> {
         let [count, read, write, except, time, _] = entry.a;
         let sets = [read, write, except];
-        let count = usize::try_from(low(count))
-            .ok()
-            .filter(|n| *n <= MOST)
-            .ok_or(Halt::Make)?;
+        let mut count = usize::try_from(int(count)).map_err(|_| Halt::Make)?;
+        if count > libc::FD_SETSIZE {
+            // The system looks no further than the table of descriptors goes, nor may the sets.
+            count = count.min(table_size(entry.process).unwrap_or(count));
+        }
+        if count > MOST {
+            return Err(Halt::Make);
+        }
         let bytes = count.div_ceil(64) * 8;
         let mut bits = vec![0; 3 * bytes];
         let (places, kinds): (Vec<_>, Vec<_>) = places(sets, bytes).unzip();
@@ -141,7 +146,7 @@ impl Tracer<'_> {
         }
         let only_queries = deadline.is_some_and(|deadline| deadline <= self.now);
         let backs_off = only_queries.then(|| self.query(entry));
-        let found = self.readiness(entry.tid, &set);
+        let found = self.found(entry.tid, &set, &result);
         // A poll that does not wait, and is not one of too many, is answered with what there is.
         if matches!(backs_off, Some(None)) || !found.iter().all(PollFlags::is_empty) {
             let answer = self.answer_poll(entry.tid, &set, &found, &result, deadline)?;
@@ -151,6 +156,22 @@ impl Tracer<'_> {
             return Ok(backs_off);
         }
         Ok(Handling::Block(Wait::Poll { set, result, mask }, deadline))
+    }
+
+    /// Returns what a poll finds. A set of `select` has no place for a hang-up that it does not ask for.
+    pub(crate) fn found(
+        &self,
+        tid: Tid,
+        set: &[(i32, PollFlags)],
+        result: &PollResult,
+    ) -> Vec<PollFlags> {
+        let mut found = self.readiness(tid, set);
+        if matches!(result, PollResult::Sets { .. }) {
+            for (found, (_, kind)) in found.iter_mut().zip(set) {
+                *found &= *kind | PollFlags::NVAL;
+            }
+        }
+        found
     }
 
     /// Writes what a poll has found; what it returns, or `None` if that is the kernel's.

@@ -20,6 +20,15 @@ pub(crate) fn own_number_of(process: Tid, tid: Tid) -> Option<Tid> {
     numbers.split_whitespace().last()?.parse().ok()
 }
 
+/// The number of descriptors that the system's table of a process has room for.
+pub(crate) fn table_size(process: Tid) -> Option<usize> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let size = status
+        .lines()
+        .find_map(|line| line.strip_prefix("FDSize:"))?;
+    size.trim().parse().ok()
+}
+
 /// The letter that says what the kernel has a thread do.
 pub(crate) fn kernel_state(process: Tid, tid: Tid) -> Option<char> {
     let stat = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/stat")).ok()?;

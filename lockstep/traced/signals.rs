@@ -55,6 +55,10 @@ impl Tracer<'_> {
 
     /// Interrupts waits of threads that a signal has been sent to.
     pub(crate) fn interrupt_waits(&mut self) -> Result<(), Halt> {
+        // A read that is made again must not find a sign of bytes that another thread has taken.
+        for port in &mut *self.ports {
+            port.top_up()?;
+        }
         let mut served = BTreeSet::new();
         for tid in self.tree.all(|thread| thread.block().is_some()) {
             let Some(thread) = self.tree.threads.get(&tid) else {

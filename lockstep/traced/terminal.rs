@@ -144,6 +144,9 @@ impl Tracer<'_> {
     pub(crate) fn request(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let [fd, request, argument, ..] = entry.a;
         let request = (request & 0xFFFF_FFFF) as libc::Ioctl;
+        if request == libc::FIOASYNC {
+            return self.polled_by_kernel(entry, int(fd));
+        }
         self.pass(entry.tid, [int(fd)])?;
         let port = self
             .descriptor(entry.process, int(fd))

@@ -99,7 +99,7 @@ impl Tracer<'_> {
         };
         Ok(match wait {
             Wait::Poll { set, result, .. } => {
-                let found = self.readiness(tid, set);
+                let found = self.found(tid, set, result);
                 if found.iter().all(PollFlags::is_empty) {
                     return Ok(Polled::Waits);
                 }

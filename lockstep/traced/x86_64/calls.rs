@@ -25,6 +25,7 @@ const REQUESTS: &[u64] = &[
     libc::TIOCSSERIAL as _,
     libc::TIOCMIWAIT as _,
     libc::TIOCGICOUNT as _,
+    libc::FIOASYNC as _,
 ];
 
 /// Action of the filter on a syscall that matters; all others are let through.
