@@ -81,7 +81,10 @@ impl Hunt<'_> {
             reference_fails: self.reference_fails(&self.frame.document(&schedule), key)?,
             schedule,
         };
-        let file = format!("{}-{number}.toml", slug(key));
+        // Different rules may have the same words in a name.
+        let same = |found: &&Found| slug(&found.rule) == slug(key);
+        let place = 1 + self.state.found.iter().filter(same).count();
+        let file = format!("{}-{place}.toml", slug(key));
         self.write(&mut found, file, is_cut)?;
         self.state.found.push(found);
         Ok(())
@@ -332,5 +335,8 @@ fn slug(rule: &str) -> String {
         .collect();
     let mut slug = words.join("-");
     slug.truncate(MOST_NAME);
-    slug.trim_end_matches('-').to_owned()
+    match slug.trim_end_matches('-') {
+        "" => "rule".to_owned(),
+        slug => slug.to_owned(),
+    }
 }

@@ -357,21 +357,21 @@ impl Search<'_> {
 
     /// Commands of which a reply is there or is not, or has another form, and no setting explains it.
     pub(super) fn unexplained(&self, model: &Model) -> Vec<String> {
-        let mut counts: BTreeMap<&str, (usize, usize, usize)> = Default::default();
+        let mut counts: BTreeMap<&str, (usize, usize, u64)> = Default::default();
         for (at, slot) in self.slots(false).chain(self.slots(true)) {
             let (asked, seen) = (&self.recordings[at].slots[slot], self.vehicle(at, slot));
-            let entry = counts.entry(&asked.text).or_insert((0, 0, slot));
+            let entry = counts.entry(&asked.text).or_insert((0, 0, asked.at));
             entry.0 += 1;
             if model.cells[at][slot].differs(seen) {
                 entry.1 += 1;
-                entry.2 = slot;
+                entry.2 = asked.at;
             }
         }
         let some = counts
             .into_iter()
             .filter(|(_, (all, wrong, _))| *wrong > 2 + all / 20);
-        let words = |(text, (all, wrong, slot)): (&str, (usize, usize, usize))| {
-            let at = rigsim_core::SimTime::from_nanos(self.recordings[0].slots[slot].at);
+        let words = |(text, (all, wrong, at)): (&str, (usize, usize, u64))| {
+            let at = rigsim_core::SimTime::from_nanos(at);
             format!("{text}: {wrong} of {all} have another answer than the model, last at {at} s")
         };
         some.map(words).collect()
