@@ -29,6 +29,38 @@ struct Stream {
     last: SimTime,
 }
 
+impl Stream {
+    /// Adds bytes, and returns what they complete: the time of its last byte, and whether it is noise.
+    fn add(
+        &mut self,
+        bytes: impl Iterator<Item = (SimTime, u8)>,
+    ) -> Vec<(SimTime, host::Frame, bool)> {
+        let mut frames = Vec::new();
+        for (now, byte) in bytes {
+            self.bytes.push(byte);
+            for found in self.reader.push(now, byte) {
+                // What is found in a torn frame has been reported with that.
+                let is_new = self.bytes.starts_with(&found.bytes);
+                let count = if is_new {
+                    found.bytes.len()
+                } else {
+                    self.bytes.len()
+                };
+                self.bytes.drain(..count);
+                let ends_now = self.bytes.is_empty() && found.bytes.last() == Some(&byte);
+                if self.bytes.is_empty() && !ends_now {
+                    self.bytes.push(byte);
+                }
+                let at = if ends_now { now } else { self.last };
+                let is_noise = !self.is_text && found.command.is_none() && found.message.is_none();
+                frames.push((at, found, is_noise));
+            }
+            self.last = now;
+        }
+        frames
+    }
+}
+
 /// All lines.
 pub(super) struct Streams(BTreeMap<(PortId, bool), Stream>);
 
@@ -62,28 +94,16 @@ impl Streams {
         sender: Sender,
         bytes: impl Iterator<Item = (SimTime, u8)>,
     ) -> Vec<Frame> {
-        let mut frames = Vec::new();
-        let Some(stream) = self.0.get_mut(&(port, sender == Sender::Device)) else {
-            return frames;
+        let stream = self.0.get_mut(&(port, sender == Sender::Device));
+        let found = stream.map_or_else(Vec::new, |stream| stream.add(bytes));
+        let frame = |(at, found, is_noise)| Frame {
+            port,
+            sender,
+            at,
+            found,
+            is_noise,
         };
-        for (now, byte) in bytes {
-            stream.bytes.push(byte);
-            for mut found in stream.reader.push(now, byte) {
-                // The reader may have put them right, or cut them.
-                let count = found.bytes.len().min(stream.bytes.len());
-                found.bytes = stream.bytes.drain(..count).collect();
-                let ends_now = stream.bytes.is_empty();
-                frames.push(Frame {
-                    port,
-                    sender,
-                    at: if ends_now { now } else { stream.last },
-                    is_noise: !stream.is_text && found.command.is_none() && found.message.is_none(),
-                    found,
-                });
-            }
-            stream.last = now;
-        }
-        frames
+        found.into_iter().map(frame).collect()
     }
 
     /// Returns what was begun and never finished.
@@ -104,3 +124,6 @@ impl Streams {
         rest.collect()
     }
 }
+
+#[cfg(test)]
+mod tests;
