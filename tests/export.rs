@@ -12,7 +12,7 @@ mod harness;
 use std::collections::BTreeMap;
 use std::fs;
 
-use std::io::Write as _;
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
 
 use harness::client::Client;
@@ -295,27 +295,53 @@ fn a_client_takes_over_a_replayed_run() {
     assert!(ended.out.contains("client_attached 2"), "{}", ended.out);
 }
 
-/// Sends requests to the server for agents, and returns its answers by their ids.
-fn answers(folder: &Folder, requests: &[&str]) -> Vec<Value> {
+/// The server for agents, whose files are in a folder.
+fn server(folder: &Folder) -> std::process::Child {
     let mut command = command();
     command
         .arg("mcp")
         .current_dir(folder.path())
         .env("TMPDIR", folder.path());
-    let mut server = command
+    command
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
-        .unwrap();
+        .unwrap()
+}
+
+/// Programs that the server for agents has started, by their working folder.
+fn programs(folder: &Folder) -> usize {
+    let own = fs::canonicalize(folder.path()).unwrap();
+    let all = fs::read_dir("/proc").unwrap();
+    let is_there = |entry: &std::io::Result<fs::DirEntry>| {
+        let path = entry.as_ref().unwrap().path();
+        fs::read_link(path.join("cwd")).is_ok_and(|folder| folder == own)
+    };
+    all.filter(is_there).count()
+}
+
+/// A request that calls a tool.
+fn call(id: u32, name: &str, arguments: Value) -> String {
+    let params = json!({"name": name, "arguments": arguments});
+    json!({"jsonrpc": "2.0", "id": id, "method": "tools/call", "params": params}).to_string()
+}
+
+/// Sends requests to the server for agents, and returns its answers by their ids; the input ends when so
+/// many have come.
+fn answers(folder: &Folder, requests: &[String], count: usize) -> Vec<Value> {
+    let mut server = server(folder);
     let mut input = server.stdin.take().unwrap();
     requests
         .iter()
         .for_each(|request| writeln!(input, "{request}").unwrap());
+    let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
+    let mut read = |line: std::io::Result<String>| serde_json::from_str(&line.unwrap()).unwrap();
+    let mut answers: Vec<Value> = lines.by_ref().take(count).map(&mut read).collect();
     drop(input);
-    let ended = server.wait_with_output().unwrap();
-    assert_eq!(ended.status.code(), Some(0));
+    answers.extend(lines.map(read));
+    assert_eq!(server.wait().unwrap().code(), Some(0));
     assert!(folder.leftovers().is_empty(), "{:?}", folder.leftovers());
-    let mut answers = harness::json_lines(&String::from_utf8(ended.stdout).unwrap());
+    assert_eq!(programs(folder), 0);
     answers.sort_by_key(|answer| answer["id"].as_u64());
     answers
 }
@@ -323,10 +349,6 @@ fn answers(folder: &Folder, requests: &[&str]) -> Vec<Value> {
 #[test]
 fn what_agents_send_wrongly_is_answered() {
     let folder = Folder::with(&[]);
-    let call = |id: u32, name: &str, arguments: Value| {
-        let params = json!({"name": name, "arguments": arguments});
-        json!({"jsonrpc": "2.0", "id": id, "method": "tools/call", "params": params}).to_string()
-    };
     let requests = [
         "no JSON".to_owned(),
         r#"{"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {"protocolVersion": "2025-06-18"}}"#.to_owned(),
@@ -340,13 +362,21 @@ fn what_agents_send_wrongly_is_answered() {
         call(8, "stop", json!({})),
         call(9, "explain", json!({"trace": "none.jsonl"})),
         call(10, "list", json!({"what": "faults", "matching": "cable-pulled"})),
+        call(11, "list", json!({"what": "everything"})),
+        format!("\"{}\"", "x".repeat(3 << 20)),
     ];
-    let answers = answers(&folder, &requests.each_ref().map(String::as_str));
+    let answers = answers(&folder, &requests, 12);
     let errors: Vec<i64> = answers
         .iter()
         .filter_map(|answer| answer["error"]["code"].as_i64())
         .collect();
-    assert_eq!(errors, [-32700, -32601, -32602, -32602, -32602, -32602]);
+    assert_eq!(
+        errors,
+        [
+            -32700, -32700, -32601, -32602, -32602, -32602, -32602, -32602
+        ]
+    );
+    let answers = &answers[1..];
     assert_eq!(answers[1]["result"]["protocolVersion"], "2025-06-18");
     assert!(
         answers[4]["error"]["message"]
@@ -372,4 +402,45 @@ fn what_agents_send_wrongly_is_answered() {
         "{}",
         text(10)
     );
+}
+
+#[test]
+fn a_simulator_that_an_agent_started_ends_with_the_server() {
+    let folder = Folder::with(&[]);
+    // The second takes the place of the first, and of a burst some are refused.
+    let mut requests: Vec<String> = (1..=20)
+        .map(|id| call(id, "start", json!({"device": "r150"})))
+        .collect();
+    requests.push(call(21, "stop", json!({})));
+    let answers = answers(&folder, &requests, 21);
+    let refused = answers
+        .iter()
+        .filter(|answer| answer["error"]["code"] == -32603);
+    assert!(refused.count() >= 21 - 8, "{answers:?}");
+
+    let mut server = server(&folder);
+    let mut input = server.stdin.take().unwrap();
+    let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
+    let mut ask = |request: String| {
+        writeln!(input, "{request}").unwrap();
+        serde_json::from_str::<Value>(&lines.next().unwrap().unwrap()).unwrap()
+    };
+    for id in ["../../outside", "b"] {
+        let start = call(0, "start", json!({"device": "r150"}));
+        let answer = ask(start.replace("\"id\":0", &format!("\"id\":\"{id}\"")));
+        assert_eq!(answer["result"]["isError"], false, "{answer}");
+    }
+    let state = ask(call(3, "control", json!({"words": ["get", "t"]})));
+    assert_eq!(state["result"]["isError"], false, "{state}");
+    assert_eq!(programs(&folder), 2, "the server and one simulator");
+    let pid = i32::try_from(server.id()).unwrap();
+    let pid = rustix::process::Pid::from_raw(pid).unwrap();
+    rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+    let ended = server.wait().unwrap();
+    assert_eq!(
+        std::os::unix::process::ExitStatusExt::signal(&ended),
+        Some(15)
+    );
+    assert_eq!(programs(&folder), 0);
+    assert!(folder.leftovers().is_empty(), "{:?}", folder.leftovers());
 }
