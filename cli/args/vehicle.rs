@@ -63,7 +63,8 @@ Examples:
 Exit codes:
   0  nothing documented is contradicted
   1  something documented is, or a difference that no setting explains
-  2  usage or configuration: a flag or a file is wrong";
+  2  usage or configuration: a flag or a file is wrong
+  3  the system refused something, such as writing the page";
 
 /// Comparison of a recording with the model.
 #[derive(Debug, Args)]

@@ -1,12 +1,10 @@
 //! The `compare` and `fit` subcommands: what a recording says of the model, and of its settings.
 
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 
 use anyhow::anyhow;
 use rigsim_core::device::Devices;
 
-use super::knob::Knob;
 use super::recording::Recording;
 use super::report::{MARK, Report};
 use super::search::{Findings, Search};
@@ -85,26 +83,14 @@ fn search<'a>(
     only: &[String],
 ) -> Result<(Search<'a>, Findings), Failure> {
     let base = config::load(devices, settings)?;
-    let knobs = Knob::all(&base, recordings[0].device.id, only);
-    if knobs.is_empty() {
+    let search = Search::new(recordings, base, only);
+    if search.knobs.is_empty() {
         return Err(Failure::usage(anyhow!(
             "--only: no setting begins so; `sim config` lists them"
         )));
     }
-    let progress = match std::io::stderr().is_terminal() {
-        true => indicatif::ProgressBar::no_length().with_message("plays"),
-        false => indicatif::ProgressBar::hidden(),
-    };
-    let search = Search {
-        recordings,
-        base,
-        knobs,
-        progress,
-        memo: Default::default(),
-    };
     let findings = search
         .run()
         .map_err(|why| Failure::usage(anyhow!("it cannot be played: {why}")))?;
-    search.progress.finish_and_clear();
     Ok((search, findings))
 }

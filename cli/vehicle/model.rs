@@ -23,6 +23,7 @@ pub(super) struct Cell {
 }
 
 /// Channels of the replies of a recording, by form.
+#[derive(Clone)]
 pub(super) struct Layout(BTreeMap<(&'static str, Option<u8>, usize), Vec<Channel>>);
 
 impl Layout {

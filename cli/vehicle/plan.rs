@@ -43,8 +43,11 @@ pub(super) fn manoeuvres(
         text: device.host.plan,
     };
     let table = DeTable::parse(source.text).map_err(|error| source.syntax(&error).to_string())?;
-    let all = table.get_ref().get("manoeuvre").map_or(&[][..], list);
-    all.iter().map(|one| manoeuvre(one, device, own)).collect()
+    let all = table.get_ref().get("manoeuvre");
+    let all = all.into_iter().flat_map(|all| all.get_ref().as_array());
+    all.flatten()
+        .map(|one| manoeuvre(one, device, own))
+        .collect()
 }
 
 fn manoeuvre(
@@ -52,39 +55,36 @@ fn manoeuvre(
     device: &DeviceSpec,
     own: &dyn DeviceSettings,
 ) -> Result<Manoeuvre, String> {
-    let text = |key: &str| {
-        field(value, key)
-            .and_then(string)
-            .unwrap_or_default()
-            .to_owned()
+    let text = |key| {
+        let text = value
+            .get_ref()
+            .get(key)
+            .and_then(|text| text.get_ref().as_str());
+        text.unwrap_or_default().to_owned()
     };
-    let touches = field(value, "touches").map_or(&[][..], list);
     let mut frames: Vec<PlannedFrame> = Vec::new();
-    for step in field(value, "do").map_or(&[][..], list) {
-        let time = |key: &str| {
-            let text = field(step, key).and_then(string).unwrap_or("0s");
+    for step in list(value, "do") {
+        let field = |key| step.get_ref().get(key).map(Spanned::get_ref);
+        let time = |key| {
+            let text = field(key).and_then(DeValue::as_str).unwrap_or("0s");
             parse_quantity(text, "ms").map_err(|why| format!("{key}: {why}"))
         };
         let (every, wait) = (time("every")?, time("wait")?);
         let mut once = Vec::new();
-        for message in field(step, "send").map_or(&[][..], list) {
+        for message in list(step, "send") {
             let message = (device.host.read)(message, own).map_err(|error| error.to_string())?;
             once.push((message.link, message.bytes));
         }
-        for bytes in field(step, "bytes").map_or(&[][..], list) {
-            let digits = string(bytes)
-                .unwrap_or_default()
-                .chars()
-                .filter(|c| *c != ' ');
+        for bytes in list(step, "bytes") {
+            let digits = bytes.get_ref().as_str().unwrap_or_default();
+            let digits = digits.chars().filter(|c| *c != ' ');
             once.push((
                 0,
                 read_hex(digits).ok_or("bytes are pairs of hexadecimal digits")?,
             ));
         }
-        let times = field(step, "times").and_then(|value| match value.get_ref() {
-            DeValue::Integer(number) => number.as_str().parse::<usize>().ok(),
-            _ => None,
-        });
+        let times = field("times").and_then(DeValue::as_integer);
+        let times = times.and_then(|times| times.as_str().parse::<usize>().ok());
         for (link, bytes) in (0..times.unwrap_or(1)).flat_map(|_| &once) {
             let bytes = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
             frames.push(PlannedFrame {
@@ -100,10 +100,8 @@ fn manoeuvre(
     Ok(Manoeuvre {
         name: text("name"),
         care: text("care"),
-        touches: touches
-            .iter()
-            .filter_map(string)
-            .map(str::to_owned)
+        touches: list(value, "touches")
+            .filter_map(|key| Some(key.get_ref().as_str()?.to_owned()))
             .collect(),
         frames,
     })
@@ -118,25 +116,16 @@ fn whole(number: f64) -> u64 {
     number as u64
 }
 
-fn field<'v, 't>(value: &'v Spanned<DeValue<'t>>, key: &str) -> Option<&'v Spanned<DeValue<'t>>> {
-    match value.get_ref() {
-        DeValue::Table(table) => table.get(key),
-        _ => None,
-    }
-}
-
-fn list<'v, 't>(value: &'v Spanned<DeValue<'t>>) -> &'v [Spanned<DeValue<'t>>] {
-    match value.get_ref() {
-        DeValue::Array(all) => all,
-        _ => &[],
-    }
-}
-
-fn string<'v>(value: &'v Spanned<DeValue<'_>>) -> Option<&'v str> {
-    match value.get_ref() {
-        DeValue::String(text) => Some(text),
-        _ => None,
-    }
+/// The elements of an array.
+fn list<'v, 't>(
+    value: &'v Spanned<DeValue<'t>>,
+    key: &str,
+) -> impl Iterator<Item = &'v Spanned<DeValue<'t>>> {
+    let all = value
+        .get_ref()
+        .get(key)
+        .and_then(|all| all.get_ref().as_array());
+    all.into_iter().flatten()
 }
 
 /// The whole drive, for people or as JSON.

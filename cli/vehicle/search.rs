@@ -4,10 +4,10 @@
 //! and what changes is compared with what is left between recording and model. What the same search finds
 //! in plays of the model itself, by other chance, is what chance explains.
 
-use std::collections::BTreeMap;
-use std::num::NonZero;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::IsTerminal as _;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use indicatif::ProgressBar;
 use nalgebra::{DMatrix, DVector};
@@ -16,7 +16,6 @@ use rigsim_core::settings::SimSettings;
 use super::knob::{Knob, KnobKind};
 use super::model::{Cell, Layout, cells, significant, takes_part, weight};
 use super::recording::{Recording, Reply, Seen};
-use crate::config;
 
 /// Plays by different chance from which it is known how much the model scatters.
 const SEEDS: u64 = 6;
@@ -35,43 +34,46 @@ const AT_A_TIME: usize = 3;
 const NEAR_BEST: f64 = 0.5;
 /// Quantile of Student's t for 99 % and 5 degrees of freedom.
 const T99: f64 = 4.03;
+/// Cost above the least, within which the values of a number are as good: 99 % of a chi-square with one degree
+/// of freedom.
+const AS_GOOD: f64 = 6.63;
 /// Likeness of two changes from which on they are not distinguished.
 pub(super) const ALIKE: f64 = 0.95;
 
-/// Plays by settings and seed, so that none is played twice.
-pub(super) type Memo = Mutex<BTreeMap<(String, u64), Arc<Vec<Seen>>>>;
+/// What was answered, by recording and slot.
+type Play = Arc<Vec<Seen>>;
 
 /// Everything that the search needs.
 pub(super) struct Search<'a> {
     pub(super) recordings: &'a [Recording],
     pub(super) base: SimSettings,
     pub(super) knobs: Vec<Knob>,
-    pub(super) progress: ProgressBar,
-    pub(super) memo: Arc<Memo>,
+    /// The vehicle's answers.
+    vehicle: Vec<Seen>,
+    progress: ProgressBar,
 }
 
 /// The model with some settings.
+#[derive(Clone)]
 pub(super) struct Model {
     pub(super) settings: SimSettings,
-    /// By seed, then by recording.
-    members: Vec<Arc<Vec<Seen>>>,
+    /// By seed.
+    members: Vec<Play>,
     pub(super) cells: Vec<Vec<Cell>>,
     pub(super) layout: Layout,
 }
 
 /// A changed value of a setting, and what the model does by it with the first seed.
-pub(super) struct Trial {
-    pub(super) knob: usize,
-    pub(super) literal: String,
+struct Trial {
+    knob: usize,
+    literal: String,
     /// By how much a number differs.
     step: Option<f64>,
-    seen: Arc<Vec<Seen>>,
-    /// What the model does without, by the same chance.
-    without: usize,
-    /// Set if it changes anything.
-    changes: bool,
-    /// Set if that is more than chance.
-    pub(super) touches: bool,
+    /// What the model does without and with it, by the same chance.
+    from: Play,
+    to: Play,
+    /// Set if it changes more than chance does.
+    touches: bool,
 }
 
 /// A setting that the recording contradicts.
@@ -80,8 +82,6 @@ pub(super) struct Found {
     pub(super) literal: String,
     /// A number, and half of its interval of 99 %.
     pub(super) number: Option<(f64, f64)>,
-    /// Cost that it saves.
-    pub(super) saves: f64,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
     /// Recording and slot that show it best.
@@ -112,33 +112,44 @@ impl Model {
     }
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    /// Prepares to search among the settings that begin so, and from these.
+    pub(super) fn new(recordings: &'a [Recording], base: SimSettings, only: &[String]) -> Self {
+        Self {
+            recordings,
+            knobs: Knob::all(&base, recordings[0].device.id, only),
+            base,
+            vehicle: recordings.iter().map(|one| one.seen.clone()).collect(),
+            progress: match std::io::stderr().is_terminal() {
+                true => ProgressBar::no_length().with_message("plays"),
+                false => ProgressBar::hidden(),
+            },
+        }
+    }
+
     /// Searches until nothing is left that one more setting explains.
     pub(super) fn run(&self) -> Result<Findings, String> {
         let assumed = self.model(&self.base)?;
-        let mut bases = vec![self.first(&assumed)];
-        let mut trials = self.trials(&assumed, &bases)?;
-        let mut model = self.model(&self.base)?;
+        let mut model = assumed.clone();
+        let mut trials = self.trials(&model)?;
         let mut found: Vec<Found> = Vec::new();
-        let mut refused = Vec::new();
+        let mut refused = BTreeSet::new();
         let mut fresh = true;
         while found.len() < MOST_FOUND && refused.len() < MOST_REFUSED {
-            let best = self.best(&model, &trials, &bases, &refused, &found);
+            let best = self.best(&model, &trials, &refused, &found);
             if best.is_empty() {
                 if fresh {
                     break;
                 }
                 // Changes may do something else now.
-                bases.push(self.first(&model));
-                trials = self.trials(&model, &bases)?;
+                trials = self.trials(&model)?;
                 fresh = true;
                 continue;
             };
             // What a step of a number promises is not what the number does at its best.
             let before = self.cost(&model, false);
             let mut next: Option<(f64, usize, Model)> = None;
-            for (at, promised, part) in best {
-                let trial = &trials[at];
+            for (promised, part, trial) in best {
                 let tried = self.with(&model, trial, part)?;
                 let saved = tried
                     .as_ref()
@@ -149,10 +160,10 @@ impl Search<'_> {
                             next = Some((saved, trial.knob, tried));
                         }
                     }
-                    _ => refused.push((trial.knob, trial.literal.clone())),
+                    _ => drop(refused.insert((trial.knob, trial.literal.clone()))),
                 }
             }
-            let Some((saved, knob, next)) = next else {
+            let Some((_, knob, next)) = next else {
                 continue;
             };
             found.retain(|one| one.knob != knob);
@@ -160,16 +171,16 @@ impl Search<'_> {
                 knob,
                 literal: String::new(),
                 number: None,
-                saves: saved,
                 or: Vec::new(),
                 shown_by: self.shows(&model, &next),
             });
             model = self.polish(next, &self.numbers(&found))?;
             fresh = false;
         }
-        self.prune(&mut model, &mut found, &trials, &bases)?;
+        self.prune(&mut model, &mut found, &trials)?;
         self.measure(&model, &mut found)?;
-        let verdicts = self.verdicts(&model, &found, &trials, &bases);
+        let verdicts = self.verdicts(&model, &found, &trials);
+        self.progress.finish_and_clear();
         Ok(Findings {
             assumed,
             found,
@@ -179,55 +190,35 @@ impl Search<'_> {
     }
 
     /// Plays settings with seeds, in threads.
-    fn play(&self, jobs: &[(&SimSettings, u64)]) -> Result<Vec<Arc<Vec<Seen>>>, String> {
-        let keys = jobs
-            .iter()
-            .map(|(settings, seed)| (config::changed(settings).join("\n"), *seed));
-        let keys: Vec<(String, u64)> = keys.collect();
-        let memo = || self.memo.lock().unwrap_or_else(PoisonError::into_inner);
+    fn play(&self, jobs: &[(&SimSettings, u64)]) -> Result<Vec<Play>, String> {
         let next = AtomicUsize::new(0);
-        let failure = Mutex::new(None);
+        let played: Vec<_> = jobs.iter().map(|_| OnceLock::new()).collect();
         let work = || {
             while let at = next.fetch_add(1, Ordering::Relaxed)
                 && let Some((settings, seed)) = jobs.get(at)
             {
-                if memo().contains_key(&keys[at]) {
-                    continue;
-                }
-                let played = self
-                    .recordings
-                    .iter()
-                    .map(|recording| recording.play(settings, *seed));
+                let recordings = self.recordings.iter();
+                let each = recordings.map(|recording| recording.play(settings, *seed));
+                played[at].get_or_init(|| each.collect::<Result<_, _>>().map(Arc::new));
                 self.progress.inc(1);
-                match played.collect::<Result<Vec<Seen>, _>>() {
-                    Ok(seen) => drop(memo().insert(keys[at].clone(), Arc::new(seen))),
-                    Err(why) => *failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(why),
-                }
             }
         };
-        let work = &work;
-        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
         std::thread::scope(|scope| {
-            for _ in 1..threads.min(jobs.len()) {
+            for _ in 0..threads.min(jobs.len()) {
                 scope.spawn(work);
             }
-            work();
         });
-        if let Some(why) = failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            return Err(why);
-        }
-        let memo = memo();
-        Ok(keys
-            .iter()
-            .filter_map(|key| memo.get(key).cloned())
-            .collect())
+        played
+            .into_iter()
+            .filter_map(OnceLock::into_inner)
+            .collect()
     }
 
     fn model(&self, settings: &SimSettings) -> Result<Model, String> {
         let jobs: Vec<_> = (0..SEEDS).map(|seed| (settings, seed)).collect();
         let members = self.play(&jobs)?;
-        let vehicle = self.recordings.iter().map(|recording| &recording.seen);
-        let replies = members.iter().flat_map(|seen| &**seen).chain(vehicle);
+        let replies = members.iter().flat_map(|seen| &**seen).chain(&self.vehicle);
         let layout = Layout::of(replies.flatten().flatten());
         let recordings = self.recordings.iter().enumerate();
         let of_recording = |(at, recording)| {
@@ -250,79 +241,63 @@ impl Search<'_> {
         }
     }
 
-    /// What the model does with the first seed.
-    fn first(&self, model: &Model) -> Arc<Vec<Seen>> {
-        Arc::clone(&model.members[0])
-    }
-
     /// Each other value of each choice, and each number with a step up and down.
-    fn trials(&self, model: &Model, bases: &[Arc<Vec<Seen>>]) -> Result<Vec<Trial>, String> {
+    fn trials(&self, model: &Model) -> Result<Vec<Trial>, String> {
         let mut planned = Vec::new();
-        for (at, knob) in self.knobs.iter().enumerate() {
-            let now = knob.literal_in(&model.settings);
-            let values: Vec<(String, Option<f64>)> = match &knob.kind {
+        for (knob, about) in self.knobs.iter().enumerate() {
+            let values: Vec<(String, Option<f64>)> = match &about.kind {
                 KnobKind::Choice(all) => all.iter().map(|one| (one.clone(), None)).collect(),
                 KnobKind::Number { step, .. } => {
-                    let value = knob.number_in(&model.settings);
-                    let steps = [*step, -step];
-                    let literal = |step| knob.literal(&model.settings, value + step);
-                    steps.map(|step| (literal(step), Some(step))).into()
+                    let value = about.number_in(&model.settings);
+                    let literal = |step| about.literal(&model.settings, value + step);
+                    [*step, -step]
+                        .map(|step| (literal(step), Some(step)))
+                        .into()
                 }
             };
+            let now = about.literal_in(&model.settings);
             for (literal, step) in values.into_iter().filter(|(literal, _)| *literal != now) {
-                if let Some(settings) = knob.set(&model.settings, &literal) {
-                    planned.push((at, literal, step, settings));
+                if let Some(settings) = about.set(&model.settings, &literal) {
+                    planned.push((knob, literal, step, settings));
                 }
             }
         }
         let jobs: Vec<_> = planned.iter().map(|(.., settings)| (settings, 0)).collect();
         let played = self.play(&jobs)?;
-        let base = &bases[bases.len() - 1];
-        let touches = self.touched(model, base, &jobs, &played)?;
-        type Planned = (usize, String, Option<f64>, SimSettings);
+        let touches = self.touched(model, &jobs, &played)?;
+        let trials = planned.iter().zip(played).zip(touches);
         let trial =
-            |(((knob, literal, step, _), seen), touches): ((Planned, Arc<Vec<Seen>>), bool)| {
-                Trial {
-                    changes: *base != seen,
-                    touches,
-                    without: bases.len() - 1,
-                    knob,
-                    literal,
-                    step,
-                    seen,
-                }
+            |(((knob, literal, step, _), to), touches): ((&(_, String, _, _), _), _)| Trial {
+                knob: *knob,
+                literal: literal.clone(),
+                step: *step,
+                from: Arc::clone(&model.members[0]),
+                to,
+                touches,
             };
-        Ok(planned
-            .into_iter()
-            .zip(played)
-            .zip(touches)
-            .map(trial)
-            .collect())
+        Ok(trials.map(trial).collect())
     }
 
     /// Returns of each change whether it does more than chance.
     fn touched(
         &self,
         model: &Model,
-        base: &[Seen],
         jobs: &[(&SimSettings, u64)],
-        played: &[Arc<Vec<Seen>>],
+        played: &[Play],
     ) -> Result<Vec<bool>, String> {
-        let column = |seen: &Arc<Vec<Seen>>| self.column(model, base, seen);
-        let columns: Vec<Vec<f64>> = played.iter().map(column).collect();
-        let mut touches: Vec<bool> = played
-            .iter()
-            .map(|seen| self.differs(model, base, seen))
-            .collect();
+        let [first, second] = [&model.members[0], &model.members[1]];
+        let columns = played.iter().map(|seen| self.column(model, first, seen));
+        let columns: Vec<Vec<f64>> = columns.collect();
+        let touches = played.iter().map(|seen| self.differs(model, first, seen));
+        let mut touches: Vec<bool> = touches.collect();
         let doubtful = (0..jobs.len())
             .filter(|at| !touches[*at] && product(&columns[*at], &columns[*at]) > TOUCHED);
         let doubtful: Vec<usize> = doubtful.collect();
         // By another chance a real change is the same.
         let again: Vec<_> = doubtful.iter().map(|at| (jobs[*at].0, 1)).collect();
-        let other = &model.members[1];
         for (at, seen) in doubtful.iter().zip(self.play(&again)?) {
             let count = columns[*at].iter().filter(|change| **change != 0.0).count() as f64;
-            let same = product(&columns[*at], &self.column(model, other, &seen));
+            let same = product(&columns[*at], &self.column(model, second, &seen));
             touches[*at] = same > TOUCHED + 4.0 * count.sqrt();
         }
         Ok(touches)
@@ -359,10 +334,10 @@ impl Search<'_> {
     pub(super) fn unexplained(&self, model: &Model) -> Vec<String> {
         let mut counts: BTreeMap<&str, (usize, usize, u64)> = Default::default();
         for (at, slot) in self.slots(false).chain(self.slots(true)) {
-            let (asked, seen) = (&self.recordings[at].slots[slot], self.vehicle(at, slot));
+            let (asked, seen) = (&self.recordings[at].slots[slot], &self.vehicle[at][slot]);
             let entry = counts.entry(&asked.text).or_insert((0, 0, asked.at));
             entry.0 += 1;
-            if model.cells[at][slot].differs(seen) {
+            if model.cells[at][slot].differs(seen.as_ref()) {
                 entry.1 += 1;
                 entry.2 = asked.at;
             }
@@ -377,79 +352,57 @@ impl Search<'_> {
         some.map(words).collect()
     }
 
-    fn vehicle(&self, at: usize, slot: usize) -> Option<&Reply> {
-        self.recordings[at].seen[slot].as_ref()
-    }
-
     pub(super) fn cost(&self, model: &Model, held_out: bool) -> f64 {
         let costs = self.slots(held_out).map(|(at, slot)| {
-            let seen = self.vehicle(at, slot);
+            let seen = self.vehicle[at][slot].as_ref();
             model.cells[at][slot].cost(seen, &model.layout, self.recordings[at].is_real)
         });
         costs.sum()
     }
 
-    /// The trials that save most beyond chance, each of another setting: their places, what they save, and
-    /// which part of their change.
-    fn best(
+    /// The trials that save most beyond chance, each of another setting: what they save, by which part of
+    /// their change.
+    fn best<'t>(
         &self,
         model: &Model,
-        trials: &[Trial],
-        bases: &[Arc<Vec<Seen>>],
-        refused: &[(usize, String)],
+        trials: &'t [Trial],
+        refused: &BTreeSet<(usize, String)>,
         found: &[Found],
-    ) -> Vec<(usize, f64, f64)> {
-        let mut best: Vec<(usize, f64, f64)> = Vec::new();
-        for (at, trial) in trials.iter().enumerate() {
-            let is_refused = refused
-                .iter()
-                .any(|(knob, literal)| *knob == trial.knob && *literal == trial.literal);
+    ) -> Vec<(f64, f64, &'t Trial)> {
+        let mut best = Vec::new();
+        for trial in trials {
             let known = found.iter().any(|one| one.knob == trial.knob);
-            if is_refused || !trial.changes || known && trial.step.is_some() {
+            if known && trial.step.is_some()
+                || refused.contains(&(trial.knob, trial.literal.clone()))
+            {
                 continue;
             }
-            let base = &bases[trial.without];
-            let (saves, part) = self.saves(model, trial, base, &|at, slot| self.vehicle(at, slot));
+            let (saves, part) = self.saves(model, trial, &self.vehicle);
             if saves < self.margin() {
                 continue;
             }
-            let by_chance = (0..usize::try_from(SEEDS).unwrap_or(1)).map(|seed| {
-                let member = |at: usize, slot: usize| model.members[seed][at][slot].as_ref();
-                self.saves(model, trial, base, &member).0
-            });
-            let by_chance = by_chance.fold(0.0, f64::max);
-            if saves > self.margin() + BEYOND_CHANCE * by_chance {
-                best.push((at, saves, part));
+            let by_chance = model.members.iter();
+            let by_chance = by_chance.map(|member| self.saves(model, trial, member).0);
+            if saves > self.margin() + BEYOND_CHANCE * by_chance.fold(0.0, f64::max) {
+                best.push((saves, part, trial));
             }
         }
-        best.sort_by(|one, other| other.1.total_cmp(&one.1));
-        let mut knobs = Vec::new();
-        best.retain(|(at, ..)| {
-            !knobs.contains(&trials[*at].knob) && {
-                knobs.push(trials[*at].knob);
-                true
-            }
-        });
-        let most = best.first().map_or(0.0, |best| best.1);
-        best.retain(|(_, saves, _)| *saves > NEAR_BEST * most);
+        best.sort_by(|one, other| other.0.total_cmp(&one.0));
+        let least = best.first().map_or(0.0, |best| NEAR_BEST * best.0);
+        let mut knobs = BTreeSet::new();
+        best.retain(|(saves, _, trial)| *saves > least && knobs.insert(trial.knob));
         best.truncate(AT_A_TIME);
         best
     }
 
     /// Cost that a trial saves for these replies, and the part of its change that saves most.
-    fn saves<'r>(
-        &self,
-        model: &Model,
-        trial: &Trial,
-        base: &[Seen],
-        seen: &dyn Fn(usize, usize) -> Option<&'r Reply>,
-    ) -> (f64, f64) {
-        let saved = |part| self.saved(model, trial, base, part, seen);
+    fn saves(&self, model: &Model, trial: &Trial, seen: &[Seen]) -> (f64, f64) {
+        let saved = |part| self.saved(model, [&trial.from, &trial.to], part, seen);
         let whole = (saved(1.0), 1.0);
         if trial.step.is_none() {
             return whole;
         }
-        let column = self.column(model, base, &trial.seen);
+        let column = self.column(model, &trial.from, &trial.to);
         let rest = self.rest(model, seen);
         let (mut above, mut below) = (0.0, 0.0);
         for ((change, rest), weight) in column.iter().zip(&rest.0).zip(&rest.1) {
@@ -464,17 +417,10 @@ impl Search<'_> {
         if partly.0 > whole.0 { partly } else { whole }
     }
 
-    /// Cost that a part of a trial's change saves for these replies.
-    fn saved<'r>(
-        &self,
-        model: &Model,
-        trial: &Trial,
-        base: &[Seen],
-        part: f64,
-        seen: &dyn Fn(usize, usize) -> Option<&'r Reply>,
-    ) -> f64 {
+    /// Cost that a part of the change from one play to another saves for these replies.
+    fn saved(&self, model: &Model, [from, to]: [&[Seen]; 2], part: f64, seen: &[Seen]) -> f64 {
         let each = self.slots(false).map(|(at, slot)| {
-            let (from, to) = (base[at][slot].as_ref(), trial.seen[at][slot].as_ref());
+            let [from, to, seen] = [from, to, seen].map(|play| play[at][slot].as_ref());
             let same = match (from, to) {
                 (Some(from), Some(to)) => from.form == to.form && from.values == to.values,
                 (None, None) => true,
@@ -485,7 +431,7 @@ impl Search<'_> {
             }
             let (cell, is_real) = (&model.cells[at][slot], self.recordings[at].is_real);
             let changed = cell.shifted(from, to, part, &model.layout);
-            let cost = |cell: &Cell| cell.cost(seen(at, slot), &model.layout, is_real);
+            let cost = |cell: &Cell| cell.cost(seen, &model.layout, is_real);
             cost(cell) - cost(&changed)
         });
         each.sum()
@@ -496,41 +442,28 @@ impl Search<'_> {
         let mut column = Vec::new();
         for (at, slot) in self.slots(false) {
             let cell = &model.cells[at][slot];
-            let (from, to) = (from[at][slot].as_ref(), to[at][slot].as_ref());
-            self.values(
-                model,
-                cell,
-                |channel| {
-                    let (from, to) = (from?, to?);
-                    let same = Some(from.form) == cell.form && from.form == to.form;
-                    same.then(|| to.values[channel] - from.values[channel])
-                },
-                &mut column,
-            );
+            let both = from[at][slot].as_ref().zip(to[at][slot].as_ref());
+            let both =
+                both.filter(|(from, to)| [from, to].map(|one| Some(one.form)) == [cell.form; 2]);
+            let value =
+                |channel: usize| both.map(|(from, to)| to.values[channel] - from.values[channel]);
+            self.values(model, cell, value, &mut column);
         }
         column
     }
 
     /// What is left between replies and model, in standard deviations, and the weights.
-    fn rest<'r>(
-        &self,
-        model: &Model,
-        seen: &dyn Fn(usize, usize) -> Option<&'r Reply>,
-    ) -> (Vec<f64>, Vec<f64>) {
+    fn rest(&self, model: &Model, seen: &[Seen]) -> (Vec<f64>, Vec<f64>) {
         let mut rest = Vec::new();
         for (at, slot) in self.slots(false) {
-            let cell = &model.cells[at][slot];
-            let (reply, is_real) = (seen(at, slot), self.recordings[at].is_real);
-            self.values(
-                model,
-                cell,
-                |channel| {
-                    let reply = reply.filter(|reply| Some(reply.form) == cell.form)?;
-                    let rest = reply.values[channel] - cell.mean[channel];
-                    Some(significant(rest, channel, is_real).copysign(rest))
-                },
-                &mut rest,
-            );
+            let (cell, is_real) = (&model.cells[at][slot], self.recordings[at].is_real);
+            let reply = seen[at][slot].as_ref();
+            let reply = reply.filter(|reply| Some(reply.form) == cell.form);
+            let value = |channel: usize| {
+                let rest = reply?.values[channel] - cell.mean[channel];
+                Some(significant(rest, channel, is_real).copysign(rest))
+            };
+            self.values(model, cell, value, &mut rest);
         }
         let weights = rest.iter().map(|rest| weight(*rest)).collect();
         (rest, weights)
@@ -560,65 +493,44 @@ impl Search<'_> {
         };
         let value = knob.number_in(&model.settings);
         // Wide first, then around the best.
-        let wide: Vec<f64> = (-8..=10)
+        let mut values: Vec<f64> = (-8..=10)
             .map(|at| value + f64::from(at) * step / 2.0)
             .collect();
-        let first = value + part * step;
-        let Some((near, _)) = self.ladder(model, knob, &[wide, vec![first]].concat())? else {
+        values.push(value + part * step);
+        let Some([low, high]) = self.ladder(model, knob, &values)? else {
             return Ok(None);
         };
-        let fine: Vec<f64> = (-6..=6)
-            .map(|at| near + f64::from(at) * step.abs() / 12.0)
-            .collect();
-        let best = self
-            .ladder(model, knob, &fine)?
-            .map_or(near, |(best, _)| best);
+        let near = (low + high) / 2.0;
+        let fine = (-6..=6).map(|at| near + f64::from(at) * step.abs() / 12.0);
+        let best = self.ladder(model, knob, &fine.collect::<Vec<_>>())?;
+        let best = best.map_or(near, |[low, high]| (low + high) / 2.0);
         let settings = knob.set(&model.settings, &knob.literal(&model.settings, best));
         settings.map(|settings| self.model(&settings)).transpose()
     }
 
-    /// The middle of those values of a number that fit best, and half of how far they reach.
+    /// The least and the greatest of those values of a number that fit best.
     fn ladder(
         &self,
         model: &Model,
         knob: &Knob,
         values: &[f64],
-    ) -> Result<Option<(f64, f64)>, String> {
+    ) -> Result<Option<[f64; 2]>, String> {
         let allowed = values.iter().filter_map(|value| {
             let settings = knob.set(&model.settings, &knob.literal(&model.settings, *value))?;
             Some((*value, settings))
         });
         let allowed: Vec<(f64, SimSettings)> = allowed.collect();
         let jobs: Vec<_> = allowed.iter().map(|(_, settings)| (settings, 0)).collect();
-        let first = self.first(model);
         let played = self.play(&jobs)?;
-        let costs: Vec<(f64, f64)> = allowed
-            .iter()
-            .zip(&played)
-            .map(|((value, _), seen)| {
-                let each = self.slots(false).map(|(at, slot)| {
-                    let (from, to) = (first[at][slot].as_ref(), seen[at][slot].as_ref());
-                    let cell = model.cells[at][slot].shifted(from, to, 1.0, &model.layout);
-                    cell.cost(
-                        self.vehicle(at, slot),
-                        &model.layout,
-                        self.recordings[at].is_real,
-                    )
-                });
-                (*value, each.sum())
-            })
-            .collect();
-        let least = costs
-            .iter()
-            .map(|(_, cost)| *cost)
-            .fold(f64::INFINITY, f64::min);
-        let good = costs.iter().filter(|(_, cost)| *cost <= least + 4.0);
-        let good: Vec<f64> = good.map(|(value, _)| *value).collect();
-        let (low, high) = (
-            good.iter().copied().fold(f64::INFINITY, f64::min),
-            good.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-        );
-        Ok((!good.is_empty()).then_some(((low + high) / 2.0, (high - low) / 2.0)))
+        let saved = |to: &Play| self.saved(model, [&model.members[0], to], 1.0, &self.vehicle);
+        let saved: Vec<f64> = played.iter().map(saved).collect();
+        let most = saved.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let all = allowed.iter().zip(&saved);
+        let good = all.filter(|(_, saved)| **saved >= most - AS_GOOD);
+        Ok(good.fold(None, |ends: Option<[f64; 2]>, ((value, _), _)| {
+            let [low, high] = ends.unwrap_or([*value; 2]);
+            Some([low.min(*value), high.max(*value)])
+        }))
     }
 
     /// Columns of the numbers that were found: what a small change of each does.
@@ -640,11 +552,9 @@ impl Search<'_> {
         }
         let jobs: Vec<_> = changed.iter().map(|(settings, _)| (settings, 0)).collect();
         let played = self.play(&jobs)?;
-        let first = self.first(model);
-        let columns: Vec<Vec<f64>> = played
-            .iter()
-            .map(|seen| self.column(model, &first, seen))
-            .collect();
+        let columns = played.iter();
+        let columns = columns.map(|seen| self.column(model, &model.members[0], seen));
+        let columns: Vec<Vec<f64>> = columns.collect();
         let rows = columns.first().map_or(0, Vec::len);
         let matrix = DMatrix::from_iterator(rows, columns.len(), columns.into_iter().flatten());
         Ok((matrix, changed.iter().map(|(_, step)| *step).collect()))
@@ -675,7 +585,7 @@ impl Search<'_> {
         }
         for _ in 0..3 {
             let (matrix, steps) = self.jacobian(&model, numbers)?;
-            let (rest, weights) = self.rest(&model, &|at, slot| self.vehicle(at, slot));
+            let (rest, weights) = self.rest(&model, &self.vehicle);
             let Some(change) = Self::solve(&matrix, &rest, &weights) else {
                 break;
             };
@@ -706,7 +616,7 @@ impl Search<'_> {
     fn shows(&self, before: &Model, after: &Model) -> (usize, usize) {
         let saved = |(at, slot): (usize, usize)| {
             let is_real = self.recordings[at].is_real;
-            let seen = self.vehicle(at, slot);
+            let seen = self.vehicle[at][slot].as_ref();
             before.cells[at][slot].cost(seen, &before.layout, is_real)
                 - after.cells[at][slot].cost(seen, &after.layout, is_real)
         };
@@ -722,7 +632,6 @@ impl Search<'_> {
         model: &mut Model,
         found: &mut Vec<Found>,
         trials: &[Trial],
-        bases: &[Arc<Vec<Seen>>],
     ) -> Result<(), String> {
         let mut at = 0;
         while at < found.len() {
@@ -741,42 +650,30 @@ impl Search<'_> {
                 at = 0;
                 continue;
             }
-            found[at].saves = saves;
-            found[at].or = self.as_good(&without, found[at].knob, saves, trials, bases);
+            found[at].or = self.as_good(&without, found[at].knob, saves, trials);
             at += 1;
         }
         Ok(())
     }
 
     /// Other settings that explain what one explains.
-    fn as_good(
-        &self,
-        without: &Model,
-        knob: usize,
-        saves: f64,
-        trials: &[Trial],
-        bases: &[Arc<Vec<Seen>>],
-    ) -> Vec<String> {
-        let column = |trial: &Trial| self.column(without, &bases[trial.without], &trial.seen);
-        let own = trials
-            .iter()
-            .find(|trial| trial.knob == knob && trial.step.is_some());
+    fn as_good(&self, without: &Model, knob: usize, saves: f64, trials: &[Trial]) -> Vec<String> {
+        let column = |trial: &Trial| self.column(without, &trial.from, &trial.to);
+        let mut own = trials.iter();
+        let own = own.find(|trial| trial.knob == knob && trial.step.is_some());
         let own = own.map(column);
-        let mut names = Vec::new();
-        for trial in trials
-            .iter()
-            .filter(|trial| trial.knob != knob && trial.touches)
-        {
-            let seen = |at, slot| self.vehicle(at, slot);
-            let others = self.saves(without, trial, &bases[trial.without], &seen).0;
-            let alike = others > self.margin()
-                && own
-                    .as_ref()
-                    .is_some_and(|own| likeness(own, &column(trial)) > ALIKE);
-            if alike || others > (saves - self.margin()).max(0.75 * saves) {
-                names.push(self.knobs[trial.knob].name());
-            }
-        }
+        let is_one = |trial: &&Trial| {
+            let others = self.saves(without, trial, &self.vehicle).0;
+            let is_alike = |own: &Vec<f64>| likeness(own, &column(trial)) > ALIKE;
+            others > (saves - self.margin()).max(0.75 * saves)
+                || others > self.margin() && own.as_ref().is_some_and(is_alike)
+        };
+        let others = trials.iter();
+        let others = others.filter(|trial| trial.knob != knob && trial.touches);
+        let names = others
+            .filter(is_one)
+            .map(|trial| self.knobs[trial.knob].name());
+        let mut names: Vec<String> = names.collect();
         names.dedup();
         names
     }
@@ -785,9 +682,8 @@ impl Search<'_> {
     fn measure(&self, model: &Model, found: &mut [Found]) -> Result<(), String> {
         let numbers = self.numbers(found);
         let (matrix, steps) = self.jacobian(model, &numbers)?;
-        let chance = (0..usize::try_from(SEEDS).unwrap_or(1)).filter_map(|seed| {
-            let member = |at: usize, slot: usize| model.members[seed][at][slot].as_ref();
-            let (rest, weights) = self.rest(model, &member);
+        let chance = model.members.iter().filter_map(|member| {
+            let (rest, weights) = self.rest(model, member);
             Self::solve(&matrix, &rest, &weights)
         });
         let chance: Vec<DVector<f64>> = chance.collect();
@@ -808,12 +704,12 @@ impl Search<'_> {
                 .map_or(0.0, |all| all[(at, at)].max(0.0).sqrt());
             let mut half = T99 * sd.max(least) * steps[at].abs();
             let value = knob.number_in(&model.settings);
+            // It may show only in what is there or is not, or be lost in what the machine explains.
+            let fine = (-12..=12).map(|at| value + f64::from(at) * knob.step() / 8.0);
+            if let Some([low, high]) = self.ladder(model, knob, &fine.collect::<Vec<_>>())? {
+                half = half.max(value - low).max(high - value);
+            }
             if matrix.column(at).amax() < 1.0 {
-                // It shows only in what is there or is not, between two values.
-                let fine = (-12..=12).map(|at| value + f64::from(at) * knob.step() / 8.0);
-                half = self
-                    .ladder(model, knob, &fine.collect::<Vec<_>>())?
-                    .map_or(half, |(_, half)| half);
                 half += knob.step() / 8.0;
             }
             one.number = Some((value, half));
@@ -821,13 +717,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    fn verdicts(
-        &self,
-        model: &Model,
-        found: &[Found],
-        trials: &[Trial],
-        bases: &[Arc<Vec<Seen>>],
-    ) -> Vec<Verdict> {
+    fn verdicts(&self, model: &Model, found: &[Found], trials: &[Trial]) -> Vec<Verdict> {
         let verdict = |at: usize| {
             let knob = &self.knobs[at];
             if let Some(one) = found.iter().find(|one| one.knob == at) {
@@ -841,9 +731,9 @@ impl Search<'_> {
             if !own().any(|trial| trial.touches) {
                 return Verdict::NotTouched;
             }
-            let seen = |at, slot| self.vehicle(at, slot);
             let excluded = |trial: &Trial| {
-                self.saved(model, trial, &bases[trial.without], 1.0, &seen) < -self.margin()
+                let change = [&**trial.from, &trial.to];
+                self.saved(model, change, 1.0, &self.vehicle) < -self.margin()
             };
             let doubted = found.iter().any(|one| one.or.contains(&knob.name()));
             match own().all(excluded) && !doubted {

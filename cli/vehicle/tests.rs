@@ -1,7 +1,6 @@
 //! Settings are found again: the model with other settings, by another chance, is the vehicle.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use rigsim_core::SHIPPED;
 use rigsim_core::event::read_hex;
@@ -13,7 +12,7 @@ use super::knob::{Knob, KnobKind};
 use super::plan::manoeuvres;
 use super::recording::Recording;
 use super::report::Report;
-use super::search::{Findings, Memo, Search, Verdict};
+use super::search::{Findings, Search, Verdict};
 use super::{header, plan_of};
 
 fn with(changes: &[String]) -> SimSettings {
@@ -63,20 +62,9 @@ fn drive(parts: &[&str], changes: &[String], seed: u64) -> Recording {
     Recording::of(SHIPPED, header, records, &with(&[])).unwrap()
 }
 
-fn search<'a>(
-    recordings: &'a [Recording],
-    only: &[&str],
-    memo: &Arc<Memo>,
-) -> (Search<'a>, Findings) {
+fn search<'a>(recordings: &'a [Recording], only: &[&str]) -> (Search<'a>, Findings) {
     let only: Vec<String> = only.iter().map(|key| (*key).to_owned()).collect();
-    let base = with(&[]);
-    let search = Search {
-        recordings,
-        knobs: Knob::all(&base, "r150", &only),
-        base,
-        progress: indicatif::ProgressBar::hidden(),
-        memo: memo.clone(),
-    };
+    let search = Search::new(recordings, with(&[]), &only);
     let findings = search.run().unwrap();
     (search, findings)
 }
@@ -158,7 +146,7 @@ fn a_changed_setting_is_found() {
     let mut wrong = Vec::new();
     for (parts, change, only, tolerance) in ONE_AT_A_TIME {
         let recordings = [drive(&[parts], &[(*change).to_owned()], 77)];
-        let (search, findings) = search(&recordings, only, &Arc::default());
+        let (search, findings) = search(&recordings, only);
         let [by_default, fitted] =
             [&findings.assumed, &findings.model].map(|model| search.cost(model, true));
         if let Err(why) = judge(change, &search, &findings, *tolerance) {
@@ -182,7 +170,6 @@ fn nothing_is_claimed_of_a_vehicle_that_is_as_assumed() {
         let (search, findings) = search(
             &recordings,
             &["r150.on_", "r150.over", "r150.motor", "r150.inter"],
-            &Arc::default(),
         );
         assert_eq!(claims(&search, &findings), [], "{parts}");
         assert!(
@@ -198,8 +185,6 @@ fn nothing_is_claimed_of_a_vehicle_that_is_as_assumed() {
 #[test]
 #[ignore = "takes an hour; prints what is found"]
 fn campaign_of_single_changes() {
-    // The same drive, so the same plays of the model.
-    let memo = Arc::default();
     let (mut wrong, mut right) = (0, 0);
     let only = std::env::var("ONLY").unwrap_or_default();
     for knob in Knob::all(&with(&[]), "r150", &[])
@@ -222,7 +207,7 @@ fn campaign_of_single_changes() {
                 continue;
             }
             let recordings = [drive(&[""], std::slice::from_ref(&change), 99)];
-            let (search, findings) = search(&recordings, &[], &memo);
+            let (search, findings) = search(&recordings, &[]);
             let result = match judge(&change, &search, &findings, 0.1) {
                 Ok(error) => format!("found, error {:.2} %", 100.0 * error),
                 Err(why) if why == "claims []" => "nothing claimed".to_owned(),
@@ -241,7 +226,6 @@ fn campaign_of_single_changes() {
 #[ignore = "takes an hour; prints what is found"]
 fn campaign_of_eight_changes() {
     let knobs = Knob::all(&with(&[]), "r150", &[]);
-    let memo = Arc::default();
     let mut state = 5u64;
     let mut next = |below: usize| {
         state = state
@@ -270,7 +254,7 @@ fn campaign_of_eight_changes() {
             .map(|(key, value)| format!("{key}={value}"))
             .collect();
         let recordings = [drive(&[""], &texts, 1000 + vehicle)];
-        let (search, findings) = search(&recordings, &[], &memo);
+        let (search, findings) = search(&recordings, &[]);
         let [before, after] =
             [&findings.assumed, &findings.model].map(|model| search.cost(model, true));
         println!(

@@ -56,12 +56,17 @@ def main():
     parser.add_argument("--yes", action="store_true")
     parser.add_argument("--plan", help="a file with the output of `sim fit --plan --json`")
     args = parser.parse_args()
+    if None in args.port:
+        parser.error("name the port, such as /tmp/r150, or set SIM_R150_PORT")
     if args.plan:
         with open(args.plan) as file:
             plan = json.load(file)
     else:
         plan = json.loads(subprocess.check_output(["sim", "fit", "--plan", "--json"]))
-    ports = [serial.Serial(path, 115200, timeout=0, write_timeout=1) for path in args.port]
+    try:
+        ports = [serial.Serial(path, 115200, timeout=0, write_timeout=1) for path in args.port]
+    except serial.SerialException as error:
+        raise SystemExit(error) from None
     try:
         for manoeuvre in (one for one in plan if args.only in one["name"]):
             seconds = sum(frame["wait_ms"] for frame in manoeuvre["frames"]) / 1e3
