@@ -1,6 +1,6 @@
 //! What recordings say of the model: of commands, fields and settings, as text and as a file of settings.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use rigsim_core::SimTime;
@@ -9,7 +9,7 @@ use rigsim_settings::Basis;
 use serde::Serialize;
 
 use super::plan;
-use super::recording::{Reply, middle};
+use super::recording::{Reply, Slot, middle};
 use super::search::{Findings, Found, Model, Search, Verdict};
 
 /// First words of a file of settings that were found.
@@ -17,9 +17,6 @@ pub(super) const MARK: &str = "# Settings by which the model does what was recor
 /// Times by which one series is moved against the other to find how far it lags, ms.
 const LAGS: std::ops::RangeInclusive<i32> = -50..=50;
 const LAG_STEP: f64 = 10.0;
-/// Most settings that are listed with the manoeuvre that would touch them.
-const MOST_UNTOUCHED: usize = 200;
-
 /// All that is said of recordings.
 #[derive(Serialize)]
 pub(super) struct Report {
@@ -43,20 +40,19 @@ pub(super) struct HeldOut {
     pub(super) fitted: f64,
 }
 
-#[derive(Serialize, Default)]
+/// What is of two sides is the vehicle's, then the model's.
+#[derive(Serialize)]
 pub(super) struct CommandRow {
-    pub(super) name: String,
-    pub(super) asked: usize,
-    pub(super) answered_by_vehicle: usize,
-    pub(super) answered_by_model: usize,
-    /// Median and 99th percentile of the time to reply, ms.
-    pub(super) vehicle_ms: [f64; 2],
-    pub(super) model_ms: [f64; 2],
-    /// Bytes of the vehicle's replies, and of the model's.
-    pub(super) lengths: [Vec<usize>; 2],
+    name: String,
+    asked: usize,
+    answered: [usize; 2],
+    /// Median and 99th percentile of the time to reply.
+    ms: [[f64; 2]; 2],
+    /// Bytes of replies.
+    lengths: [BTreeSet<usize>; 2],
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Default)]
 pub(super) struct FieldRow {
     pub(super) name: String,
     pub(super) unit: &'static str,
@@ -91,13 +87,8 @@ pub(super) struct SettingRow {
 
 impl Report {
     pub(super) fn of(search: &Search<'_>, findings: &Findings) -> Self {
-        let slots = || {
-            search
-                .recordings
-                .iter()
-                .flat_map(|recording| &recording.slots)
-        };
-        let (all, used) = (slots().count(), slots().filter(|slot| slot.counts).count());
+        let slots = || all(search).map(|(_, slot, _)| slot);
+        let (count, used) = (slots().count(), slots().filter(|slot| slot.counts).count());
         let unexplained = search.unexplained(&findings.model);
         let settings: Vec<SettingRow> = (0..search.knobs.len())
             .map(|at| setting(search, findings, at))
@@ -105,7 +96,7 @@ impl Report {
         let documented = settings.iter().filter(|row| row.basis == "documented");
         let contradicted = documented.filter(|row| row.verdict == Verdict::Contradicted.as_str());
         Self {
-            used: used as f64 / all as f64,
+            used: used as f64 / count as f64,
             is_as_documented: unexplained.is_empty() && contradicted.count() == 0,
             commands: commands(search, &findings.assumed),
             fields: fields(search, &findings.assumed),
@@ -133,21 +124,16 @@ impl Report {
             "command                     asked  vehicle  model   ms p50/p99 vehicle      model   bytes"
         );
         for row in &self.commands {
-            let [v, m] =
-                [row.vehicle_ms, row.model_ms].map(|[p50, p99]| format!("{p50:.1}/{p99:.1}"));
+            let [v, m] = row.ms.map(|[p50, p99]| format!("{p50:.1}/{p99:.1}"));
             let lengths = row.lengths.each_ref().map(|all| format!("{all:?}"));
+            let different = if lengths[0] == lengths[1] { 1 } else { 2 };
+            let [vehicle, model] = row.answered;
             let _ = writeln!(
                 text,
-                "{:26} {:6} {:8} {:6} {v:>18} {m:>12}   {}",
+                "{:26} {:6} {vehicle:8} {model:6} {v:>18} {m:>12}   {}",
                 row.name,
                 row.asked,
-                row.answered_by_vehicle,
-                row.answered_by_model,
-                if lengths[0] == lengths[1] {
-                    lengths[0].clone()
-                } else {
-                    lengths.join(" / ")
-                },
+                lengths[..different].join(" / "),
             );
         }
         let _ = writeln!(
@@ -156,20 +142,20 @@ impl Report {
         );
         let mut same = 0;
         for row in &self.fields {
-            if let Some((count, first)) = row.differs {
-                if first.is_none() {
-                    same += 1;
-                } else if let Some(first) = first {
-                    let _ = writeln!(
-                        text,
-                        "{:34} differs {count} times of {}, first at {first:.3} s",
-                        row.name, row.count
-                    );
-                }
+            let is_same = match row.differs {
+                Some((_, first)) => first.is_none(),
+                None => row.rms == 0.0,
+            };
+            same += usize::from(is_same);
+            if is_same {
                 continue;
             }
-            if row.rms == 0.0 {
-                same += 1;
+            if let Some((count, Some(first))) = row.differs {
+                let _ = writeln!(
+                    text,
+                    "{:34} differs {count} times of {}, first at {first:.3} s",
+                    row.name, row.count
+                );
                 continue;
             }
             let lag = row
@@ -228,7 +214,7 @@ impl Report {
             );
         }
         let mut untouched: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-        for row in self.with(Verdict::NotTouched).take(MOST_UNTOUCHED) {
+        for row in self.with(Verdict::NotTouched) {
             untouched.entry(&row.why).or_default().push(&row.key);
         }
         for (why, keys) in untouched {
@@ -245,30 +231,16 @@ impl Report {
     }
 
     pub(super) fn fit_text(&self) -> String {
-        let HeldOut {
-            slots,
-            by_default,
-            fitted,
-        } = self.held_out;
-        let better = match fitted < by_default {
+        let better = match self.held_out.fitted < self.held_out.by_default {
             true => "better",
             false => "NOT better: keep the defaults",
         };
-        format!(
-            "{}\n\nof the third that was not used, {slots} messages: cost {by_default:.0} by default, {fitted:.0} as fitted ({better})",
-            self.verdicts()
-        )
+        let (verdicts, held_out) = (self.verdicts(), self.held_out.words());
+        format!("{verdicts}\n\n{held_out} ({better})")
     }
 
     pub(super) fn toml(&self) -> String {
-        let HeldOut {
-            slots,
-            by_default,
-            fitted,
-        } = self.held_out;
-        let mut text = format!(
-            "{MARK}\n# Cost of {slots} messages that were not used: {by_default:.0} by default, {fitted:.0} with these.\n"
-        );
+        let mut text = format!("{MARK}\n# {}.\n", self.held_out.words());
         let mut versions: Vec<&str> = Vec::new();
         for row in self.settings.iter().filter(|row| row.found.is_some()) {
             let (key, value) = (
@@ -291,6 +263,19 @@ impl Report {
             let _ = writeln!(text, "{undecided}{key} = {}", value.unwrap_or_default());
         }
         text
+    }
+}
+
+impl HeldOut {
+    fn words(&self) -> String {
+        let Self {
+            slots,
+            by_default,
+            fitted,
+        } = self;
+        format!(
+            "Cost of the third that was not used, {slots} messages: {by_default:.0} by default, {fitted:.0} as fitted"
+        )
     }
 }
 
@@ -364,118 +349,88 @@ fn shown(search: &Search<'_>, findings: &Findings, found: &Found) -> String {
     )
 }
 
+/// Recording, slot, and what the vehicle answered.
+fn all<'a>(
+    search: &'a Search<'_>,
+) -> impl Iterator<Item = ((usize, usize), &'a Slot, Option<&'a Reply>)> {
+    let recordings = search.recordings.iter().enumerate();
+    recordings.flat_map(|(at, recording)| {
+        let slots = recording.slots.iter().zip(&recording.seen).enumerate();
+        slots.map(move |(slot, (asked, seen))| ((at, slot), asked, seen.as_ref()))
+    })
+}
+
 fn commands(search: &Search<'_>, model: &Model) -> Vec<CommandRow> {
-    let mut rows: BTreeMap<&str, (CommandRow, [Vec<f64>; 2])> = BTreeMap::new();
-    for (at, recording) in search.recordings.iter().enumerate() {
-        for (slot, asked) in recording.slots.iter().enumerate() {
-            let (row, waits) = rows.entry(&asked.name).or_default();
-            row.asked += 1;
-            let both = [recording.seen[slot].as_ref(), model.reply(at, slot)];
-            row.answered_by_vehicle += usize::from(both[0].is_some());
-            row.answered_by_model += usize::from(both[1].is_some());
-            for (side, reply) in both.iter().enumerate() {
-                let Some(reply) = reply else { continue };
-                waits[side].push(reply.values[0]);
-                if !row.lengths[side].contains(&reply.bytes.len()) {
-                    row.lengths[side].push(reply.bytes.len());
-                    row.lengths[side].sort_unstable();
-                }
-            }
-        }
+    let mut rows: BTreeMap<&str, (usize, [Vec<&Reply>; 2])> = BTreeMap::new();
+    for ((at, slot), asked, seen) in all(search) {
+        let (count, [by_vehicle, by_model]) = rows.entry(&asked.name).or_default();
+        *count += 1;
+        by_vehicle.extend(seen);
+        by_model.extend(model.reply(at, slot));
     }
-    let finish = |(name, (row, waits)): (&str, (CommandRow, [Vec<f64>; 2]))| {
-        let [vehicle_ms, model_ms] = waits.map(|mut all| {
+    let row = |(name, (asked, replies)): (&str, (usize, [Vec<&Reply>; 2]))| CommandRow {
+        name: name.to_owned(),
+        asked,
+        answered: replies.each_ref().map(Vec::len),
+        ms: replies.each_ref().map(|all| {
+            let mut all: Vec<f64> = all.iter().map(|reply| reply.values[0]).collect();
             all.sort_by(f64::total_cmp);
-            let part = |part: usize| all.get(all.len() * part / 100).copied().unwrap_or(0.0);
-            [part(50), part(99)]
-        });
-        CommandRow {
-            name: name.to_owned(),
-            vehicle_ms,
-            model_ms,
-            ..row
-        }
+            [50, 99].map(|part| all.get(all.len() * part / 100).copied().unwrap_or(0.0))
+        }),
+        lengths: replies.map(|all| all.iter().map(|reply| reply.bytes.len()).collect()),
     };
-    rows.into_iter().map(finish).collect()
+    rows.into_iter().map(row).collect()
 }
 
 fn fields(search: &Search<'_>, model: &Model) -> Vec<FieldRow> {
     let mut rows: BTreeMap<(&str, usize), FieldRow> = BTreeMap::new();
-    for (at, recording) in search.recordings.iter().enumerate() {
-        for (slot, asked) in recording
-            .slots
-            .iter()
-            .enumerate()
-            .filter(|(_, slot)| slot.counts)
-        {
-            let (Some(seen), cell) = (&recording.seen[slot], &model.cells[at][slot]) else {
-                continue;
+    for ((at, slot), asked, seen) in all(search).filter(|(_, slot, _)| slot.counts) {
+        let cell = &model.cells[at][slot];
+        let Some(seen) = seen.filter(|seen| Some(seen.form) == cell.form) else {
+            continue;
+        };
+        let channels = model.layout.channels(seen).iter().enumerate().skip(1);
+        for (channel, info) in channels {
+            let new = || FieldRow {
+                name: format!("{}.{}", seen.form.0, info.name),
+                unit: info.unit,
+                differs: info.is_choice.then_some((0, None)),
+                ..FieldRow::default()
             };
-            if Some(seen.form) != cell.form {
-                continue;
+            let row = rows.entry((seen.form.0, channel)).or_insert_with(new);
+            let time = asked.at as f64 / 1e9;
+            let [seen, model] =
+                [seen.values[channel], cell.mean[channel]].map(|value| value / info.per);
+            if let Some((count, first)) = row.differs.as_mut().filter(|_| seen != model) {
+                *count += 1;
+                first.get_or_insert(time);
             }
-            let channels = model.layout.channels(seen).iter().enumerate().skip(1);
-            for (channel, info) in channels {
-                let row = rows
-                    .entry((seen.form.0, channel))
-                    .or_insert_with(|| FieldRow {
-                        name: format!("{}.{}", seen.form.0, info.name),
-                        unit: info.unit,
-                        count: 0,
-                        bias: 0.0,
-                        rms: 0.0,
-                        lag_ms: None,
-                        range: [0.0; 2],
-                        differs: info.is_choice.then_some((0, None)),
-                        series: Vec::new(),
-                    });
-                let time = asked.at as f64 / 1e9;
-                let [seen, model] =
-                    [seen.values[channel], cell.mean[channel]].map(|value| value / info.per);
-                if let Some((count, first)) = row.differs.as_mut().filter(|_| seen != model) {
-                    *count += 1;
-                    first.get_or_insert(time);
-                }
-                row.series.push([time, seen, model]);
-            }
+            row.series.push([time, seen, model]);
         }
     }
     let mut rows: Vec<FieldRow> = rows.into_values().collect();
-    for row in &mut rows {
-        row.sum_up();
-    }
+    rows.iter_mut().for_each(FieldRow::sum_up);
     rows
 }
 
 impl FieldRow {
     fn sum_up(&mut self) {
-        let rest: Vec<f64> = self
-            .series
-            .iter()
-            .map(|[_, seen, model]| seen - model)
-            .collect();
+        let rest = self.series.iter().map(|[_, seen, model]| seen - model);
+        let rest: Vec<f64> = rest.collect();
         self.count = rest.len();
         self.bias = middle(&rest).0;
-        self.rms = rms(rest.iter().copied());
-        let seen = || self.series.iter().map(|[_, seen, _]| *seen);
-        self.range = [
-            seen().fold(f64::INFINITY, f64::min),
-            seen().fold(f64::NEG_INFINITY, f64::max),
-        ];
+        self.rms = rms(rest.into_iter());
+        let mut seen: Vec<f64> = self.series.iter().map(|[_, seen, _]| *seen).collect();
+        seen.sort_by(f64::total_cmp);
+        self.range = [seen[0], seen[seen.len() - 1]];
         let varies = self.range[1] - self.range[0];
-        if self.differs.is_some()
-            || self.count < 20
-            || varies < 20.0 * rms(rest.iter().copied()).min(1.0)
-            || varies == 0.0
-        {
+        let is_plain = varies == 0.0 || varies < 20.0 * self.rms.min(1.0);
+        if self.differs.is_some() || self.count < 20 || is_plain {
             return;
         }
         let with_lag = |lag: f64| {
-            let moved = self
-                .series
-                .iter()
-                .filter_map(|[time, seen, _]| Some(seen - self.model_at(time - lag)?));
-            rms(moved)
+            let series = self.series.iter();
+            rms(series.filter_map(|[time, seen, _]| Some(seen - self.model_at(time - lag)?)))
         };
         let lags = LAGS.map(|lag| f64::from(lag) * LAG_STEP / 1e3);
         let best = lags.min_by(|one, other| with_lag(*one).total_cmp(&with_lag(*other)));
@@ -492,12 +447,8 @@ impl FieldRow {
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (count, sum) = values.fold((0.0, 0.0), |(count, sum), value| {
+    let (count, sum) = values.fold((0.0_f64, 0.0), |(count, sum), value| {
         (count + 1.0, sum + value * value)
     });
-    if count == 0.0 {
-        0.0
-    } else {
-        f64::sqrt(sum / count)
-    }
+    f64::sqrt(sum / count.max(1.0))
 }
