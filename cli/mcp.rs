@@ -95,10 +95,7 @@ impl Tool {
             let words = match (schema["type"].as_str(), value) {
                 (Some("string"), Value::String(word)) => Some(vec![word.clone()]),
                 (Some("integer"), Value::Number(number)) => Some(vec![number.to_string()]),
-                (Some("array"), Value::Array(words)) => words
-                    .iter()
-                    .map(|word| word.as_str().map(str::to_owned))
-                    .collect(),
+                (Some("array"), words) => serde_json::from_value(words.clone()).ok(),
                 _ => None,
             };
             let words =
@@ -562,32 +559,34 @@ impl Explanation {
 /// The beginning and the end of a long text.
 #[derive(Default)]
 struct Excerpt {
-    begin: String,
-    end: VecDeque<u8>,
+    text: String,
     left_out: usize,
 }
 
 impl Excerpt {
     fn add(&mut self, text: &str) {
-        let room = MOST_SHOWN.saturating_sub(self.begin.len());
-        let split = match self.end.is_empty() {
-            true => text.floor_char_boundary(room),
-            false => 0,
-        };
-        let (begin, end) = text.split_at(split);
-        self.begin.push_str(begin);
-        self.end.extend(end.bytes());
-        let most = self.end.len().saturating_sub(MOST_SHOWN);
-        self.end.drain(..most);
-        self.left_out += most;
+        self.text.push_str(text);
+        if self.text.len() > 4 * MOST_SHOWN {
+            self.cut();
+        }
+    }
+
+    fn cut(&mut self) {
+        let ends = [MOST_SHOWN, self.text.len().saturating_sub(MOST_SHOWN)];
+        let [begin, end] = ends.map(|at| self.text.floor_char_boundary(at));
+        if begin < end {
+            self.text.drain(begin..end);
+            self.left_out += end - begin;
+        }
     }
 
     fn text(mut self) -> String {
-        let end = String::from_utf8_lossy(self.end.make_contiguous()).into_owned();
-        let left_out = match self.left_out {
-            0 => String::new(),
-            bytes => format!("\n… {bytes} bytes are left out …\n"),
-        };
-        [self.begin, left_out, end].concat()
+        self.cut();
+        if self.left_out > 0 {
+            let middle = self.text.floor_char_boundary(MOST_SHOWN);
+            let words = format!("\n… {} bytes are left out …\n", self.left_out);
+            self.text.insert_str(middle, &words);
+        }
+        self.text
     }
 }

@@ -365,7 +365,7 @@ fn what_agents_send_wrongly_is_answered() {
         call(11, "list", json!({"what": "everything"})),
         format!("\"{}\"", "x".repeat(3 << 20)),
     ];
-    let answers = answers(&folder, &requests, 12);
+    let answers = answers(&folder, &requests, 13);
     let errors: Vec<i64> = answers
         .iter()
         .filter_map(|answer| answer["error"]["code"].as_i64())

@@ -13,7 +13,7 @@ use foxglove::messages::{
 };
 use foxglove::{Encode, Schema};
 use prost::Message as _;
-use prost::encoding::double;
+use prost::encoding::{bool, bytes, double, string};
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use rigsim_core::SimTime;
@@ -37,30 +37,13 @@ const RED: [f64; 3] = [0.85, 0.1, 0.1];
 /// Height of vehicles, m; they are drawn from above otherwise.
 const HEIGHT: f64 = 0.3;
 
-/// A message on a line.
-#[derive(Clone, PartialEq, prost::Message)]
-struct Line {
-    #[prost(string, tag = "1")]
-    direction: String,
-    #[prost(bytes = "vec", tag = "2")]
-    bytes: Vec<u8>,
-    #[prost(string, tag = "3")]
-    words: String,
-    #[prost(bool, tag = "4")]
-    is_noise: bool,
-}
-
-impl Line {
-    fn schema() -> Schema {
-        let fields = [
-            ("direction", Type::String),
-            ("bytes", Type::Bytes),
-            ("words", Type::String),
-            ("is_noise", Type::Bool),
-        ];
-        schema("Line", fields.into_iter())
-    }
-}
+/// Fields of a message on a line.
+const LINE: [(&str, Type); 4] = [
+    ("direction", Type::String),
+    ("bytes", Type::Bytes),
+    ("words", Type::String),
+    ("is_noise", Type::Bool),
+];
 
 pub(super) struct Mcap {
     out: File<NoSeek<Out>>,
@@ -237,26 +220,19 @@ impl Mcap {
     }
 
     fn frame(&mut self, at: SimTime, frame: &Frame) -> McapResult<()> {
-        let line = Line {
-            direction: match frame.sender {
-                Sender::Client => "request".to_owned(),
-                Sender::Device => "reply".to_owned(),
-            },
-            bytes: frame.found.bytes.clone(),
-            words: frame.found.show(),
-            is_noise: frame.is_noise,
+        let direction = match frame.sender {
+            Sender::Client => "request",
+            Sender::Device => "reply",
         };
-        let topic = format!(
-            "/{}/line_{}",
-            self.names[frame.port.device], frame.port.link
-        );
-        self.put_bytes(
-            &topic,
-            at,
-            &line.encode_to_vec(),
-            Line::schema,
-            &BTreeMap::new(),
-        )
+        let mut data = Vec::new();
+        string::encode(1, &direction.to_owned(), &mut data);
+        bytes::encode(2, &frame.found.bytes, &mut data);
+        string::encode(3, &frame.found.show(), &mut data);
+        bool::encode(4, &frame.is_noise, &mut data);
+        let name = &self.names[frame.port.device];
+        let topic = format!("/{name}/line_{}", frame.port.link);
+        let about = || schema("Line", LINE.into_iter());
+        self.put_bytes(&topic, at, &data, about, &BTreeMap::new())
     }
 
     fn event(&mut self, event: &Event) -> McapResult<()> {
