@@ -502,16 +502,19 @@ impl Server {
             log,
         };
         let begun = Instant::now();
-        while !Path::new(&format!("{}-ready", output.display())).exists() {
+        let text = loop {
+            let text = fs::read_to_string(&started.log)?;
+            if text.lines().any(|line| line == "ready") {
+                break text;
+            }
             if started.simulator.try_wait()?.is_some() || begun.elapsed() > START {
                 self.leave(id);
                 shown.add(&started.stop()?);
                 return Ok(false);
             }
             thread::sleep(Duration::from_millis(10));
-        }
+        };
         self.leave(id);
-        let text = fs::read_to_string(&started.log)?;
         let mut lines = text.lines();
         let url = lines.find_map(|line| line.trim().strip_prefix("control on "));
         started.url = url.unwrap_or_default().to_owned();

@@ -280,6 +280,8 @@ fn a_client_takes_over_a_replayed_run() {
         .unwrap();
     let until = format!("{} ns", sent["t"].as_u64().unwrap());
     let ended = goes_on(&folder, &until, |sim, ctl| {
+        // The reply to the last request is over then.
+        ctl(&["advance", "50ms"]).expect_clean();
         ctl(&["resume"]).expect_clean();
         let line = sim.wait_line(&["r150", " on /"]);
         let port = line
