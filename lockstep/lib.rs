@@ -23,6 +23,7 @@
 //! It runs on x86-64; elsewhere [`run`] says that it does not. All that is of that architecture is
 //! in `traced/x86_64.rs`.
 
+mod copies;
 mod port;
 #[cfg(target_arch = "x86_64")]
 mod traced;
@@ -34,6 +35,7 @@ use std::io;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+pub use copies::spawn;
 pub use port::{Port, modem};
 pub use rigsim_settings::ClientLine;
 #[cfg(target_arch = "x86_64")]

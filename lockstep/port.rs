@@ -21,6 +21,8 @@ const MOST_IN_KERNEL: usize = 3072;
 const MOST_READ: usize = 4095;
 /// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
 const MOST_WAITING: usize = 20_480;
+/// Most pseudo-terminals of pulled cables that are kept.
+const MOST_FORMER: usize = 64;
 /// Time that a hang-up may take through the kernel. It is a matter of microseconds, unless the machine
 /// has no time for this program.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -71,6 +73,9 @@ pub struct Port {
     /// Open descriptions of it that clients hold.
     pub(crate) opened: usize,
     pub(crate) modem: u32,
+    /// Client's ends of those whose cable has been pulled. The system gives their numbers to no other program
+    /// as long as they are open, so no client that has kept such a path opens the port of another run.
+    former: VecDeque<OwnedFd>,
 }
 
 /// Both ends of a pseudo-terminal. Our own descriptor of the client's end lets us see what it sees.
@@ -101,6 +106,7 @@ impl Port {
             lost: 0,
             opened: 0,
             modem: 0,
+            former: VecDeque::new(),
         };
         port.plug()?;
         Ok(port)
@@ -155,7 +161,10 @@ impl Port {
         self.waiting.clear();
         (self.in_kernel, self.needs_sign, self.has_sign) = (false, false, false);
         self.modem = 0;
-        pair.hang_up()?;
+        self.former.push_back(pair.hang_up()?);
+        if self.former.len() > MOST_FORMER {
+            self.former.pop_front();
+        }
         Ok(std::mem::take(&mut self.opened) > 0)
     }
 
@@ -455,17 +464,17 @@ impl Pair {
         Ok(rustix::io::ioctl_fionread(&self.slave)?)
     }
 
-    /// Closes the master and waits until the other end is hung up for the clients that have it open: until
+    /// Closes the master and returns the other end when that is hung up for the clients that have it open: until
     /// then a read there fails, and from then on it finds the end. A process that another thread of
     /// this program starts has the master open as well, until it has become another program.
-    fn hang_up(self) -> io::Result<()> {
+    fn hang_up(self) -> io::Result<OwnedFd> {
         drop(self.master);
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {
             let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
             let _ = rustix::event::poll(&mut poll, Some(&Timespec::default()));
             if poll[0].revents().contains(PollFlags::ERR) {
-                return Ok(());
+                return Ok(self.slave);
             }
             std::thread::yield_now();
         }

@@ -381,3 +381,37 @@ int main(void) {
     assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
     assert_eq!(played.trace[1], "0 sent \"abc\\n\" at 115200 baud");
 }
+
+/// Else one that has kept the path might find the port of another run there.
+#[test]
+fn no_program_gets_the_path_of_a_port_whose_cable_has_been_pulled() {
+    let code = r#"
+import os, time
+before = os.path.realpath(os.environ["PORT"])
+os.close(os.open(before, os.O_RDWR | os.O_NOCTTY))
+time.sleep(4)
+others = [os.ttyname(os.openpty()[1]) for _ in range(3)]
+try:
+    os.open(before, os.O_RDWR | os.O_NOCTTY)
+except FileNotFoundError:
+    print("gone", before in others)
+time.sleep(2)
+after = os.path.realpath(os.environ["PORT"])
+print(after == before, os.open(after, os.O_RDWR | os.O_NOCTTY) > 0)
+"#;
+    let stage = Stage {
+        device: Device {
+            cable: Some((3_000_000_000, 4_900_000_000)),
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let Some(played) = python_on(stage, code) else {
+        return;
+    };
+    assert_eq!(
+        played.output, "gone False\nFalse True\n",
+        "{:?}",
+        played.ending
+    );
+}

@@ -14,8 +14,10 @@ use std::io::BufRead as _;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use common::{Device, Played, Stage, c, c_played, play, play_on, program, python, python_on, text};
-use rigsim_lockstep::{End, Error, Reason};
+use common::{
+    Device, Played, Stage, c, c_played, finished, play, play_on, program, python, python_on, text,
+};
+use rigsim_lockstep::{End, Error, Reason, spawn};
 
 /// Busy loops beside a test, ended on drop.
 struct Load(Vec<std::process::Child>);
@@ -23,11 +25,9 @@ struct Load(Vec<std::process::Child>);
 impl Load {
     fn of(count: usize) -> Self {
         let busy = || {
-            Command::new("sh")
-                .args(["-c", "while :; do :; done"])
-                .stdout(Stdio::null())
-                .spawn()
-                .expect("a busy loop")
+            let mut command = Command::new("sh");
+            command.args(["-c", "while :; do :; done"]);
+            spawn(command.stdout(Stdio::null())).expect("a busy loop")
         };
         Self((0..count).map(|_| busy()).collect())
     }
@@ -187,7 +187,7 @@ fn the_world_outside_has_real_time_and_is_named() {
     let mut command = Command::new(python3);
     command.args(["-c", server]).stdout(Stdio::piped());
     // The tracer reaps the children of its own thread.
-    let starting = std::thread::spawn(move || command.spawn().expect("a server"));
+    let starting = std::thread::spawn(move || spawn(&mut command).expect("a server"));
     let mut server = starting.join().expect("it has started");
     let mut port = String::new();
     let mut printed = std::io::BufReader::new(server.stdout.take().expect("a pipe"));
@@ -306,11 +306,9 @@ fn a_32_bit_program_is_refused() {
     let binary = folder.path().join("old");
     let code = "void _start(void) { __asm__(\"mov $1, %eax; xor %ebx, %ebx; int $0x80\"); }";
     std::fs::write(&source, code).expect("a source file");
-    let built = Command::new(cc)
-        .args(["-m32", "-nostdlib", "-static", "-fno-pie", "-no-pie", "-o"])
-        .args([&binary, &source])
-        .output()
-        .expect("a compiler that runs");
+    let mut command = Command::new(cc);
+    command.args(["-m32", "-nostdlib", "-static", "-fno-pie", "-no-pie", "-o"]);
+    let built = finished(command.args([&binary, &source])).expect("a compiler that runs");
     assert!(
         built.status.success(),
         "{}",
@@ -380,10 +378,9 @@ fn nothing_piles_up_over_many_runs() {
 #[test]
 fn processes_in_a_namespace_of_their_own_know_one_another() {
     let inside = ["unshare", "-Urpf", "--mount-proc"];
-    let allowed = Command::new(inside[0])
-        .args([&inside[1..], &["true"]].concat())
-        .status();
-    if !allowed.is_ok_and(|status| status.success()) {
+    let mut command = Command::new(inside[0]);
+    let allowed = finished(command.args([&inside[1..], &["true"]].concat()));
+    if !allowed.is_ok_and(|ended| ended.status.success()) {
         eprintln!("skipped: no PID namespace can be made here");
         return;
     }
@@ -518,4 +515,21 @@ int main(void) {
     assert_eq!(played.output, "1\n", "{:?}", played.ending);
     let outside: Vec<&String> = played.ending.outside.iter().collect();
     assert_eq!(outside, ["client in openat2"]);
+}
+
+/// A process that is being started has a copy of every descriptor of this program, and so of the pipes of
+/// other runs.
+#[test]
+fn runs_at_the_same_time_do_not_keep_pipes_of_one_another_open() {
+    let code = "for i in $(seq 60); do x=$(echo $i); done; echo $x";
+    let run = || {
+        let played = play(&["sh", "-c", code]);
+        assert_eq!(played.output, "60\n", "{:?}", played.ending);
+        assert_eq!(played.ending.at, 0);
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| (0..10).for_each(|_| run()));
+        }
+    });
 }

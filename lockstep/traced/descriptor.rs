@@ -9,6 +9,8 @@ use std::rc::Rc;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{FileType, OFlags, Stat};
 
+use crate::copies;
+
 /// The descriptors that a process has used, until it closes them; `None` for one that cannot be known.
 pub(crate) type Files = Rc<RefCell<BTreeMap<i32, Option<Rc<Descriptor>>>>>;
 
@@ -106,6 +108,7 @@ impl Descriptor {
 }
 
 pub(crate) fn is_any_ready(polls: &mut [PollFd<'_>]) -> bool {
+    let _copies = copies::none();
     !polls.is_empty()
         && rustix::event::poll(polls, Some(&Timespec::default())).is_ok_and(|count| count > 0)
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use crate::traced::arch;
 use crate::traced::sys::{self, Tid, child::Image};
-use crate::{Error, Program};
+use crate::{Error, Program, copies};
 
 /// A program on its way: traced, and let go.
 pub(crate) struct Starting {
@@ -54,11 +54,14 @@ pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Err
     let (mut line, theirs) =
         UnixStream::pair().map_err(system("cannot make a line to the program"))?;
     let image = Image::new(&file, &words, &environment, arch::filter(random), random);
-    let ends = (theirs.as_raw_fd(), line.as_raw_fd());
     let streams = (input.as_raw_fd(), program.output.as_raw_fd());
-    let pid = sys::child::fork(&image, ends, streams)
+    let copies = copies::some();
+    let pid = sys::child::fork(&image, theirs.as_raw_fd(), streams)
         .map_err(system("cannot start a process for the program"))?;
     drop(theirs);
+    // It fails if the process has been killed, which is found next.
+    let _ = line.read_exact(&mut [0]);
+    drop(copies);
     if let Err(error) = sys::seize(pid) {
         // It ends when the line does.
         drop(line);

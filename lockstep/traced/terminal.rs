@@ -1,6 +1,5 @@
 //! Syscalls on ports: reads, writes, and requests.
 
-use crate::modem;
 use crate::port::Port;
 use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
@@ -9,6 +8,7 @@ use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::Wait;
+use crate::{copies, modem};
 
 /// Most bytes of one write that are taken; the syscall then says that it was so many.
 const MOST_WRITTEN: usize = 1 << 20;
@@ -221,7 +221,11 @@ impl Tracer<'_> {
 
     /// Reports to the world which ports have been opened and closed, if any may have been.
     pub(crate) fn poll_ports(&mut self) -> Result<(), Halt> {
-        if !self.descriptors.ports_used.take() || !Port::any_changes(self.ports) {
+        if !self.descriptors.ports_used.take() {
+            return Ok(());
+        }
+        let _copies = copies::none();
+        if !Port::any_changes(self.ports) {
             return Ok(());
         }
         for index in 0..self.ports.len() {

@@ -86,7 +86,8 @@ pub(crate) struct Report {
 }
 
 /// Runs a program to its end; no process that it has started is left then, nor if this thread ends
-/// before. Other children of this thread that end meanwhile are reaped.
+/// before. Other children of this thread that end meanwhile are reaped. Other threads start programs
+/// meanwhile by [`spawn`](crate::spawn).
 ///
 /// # Errors
 /// When it cannot be traced or started, holds something that cannot be run, or the world fails.

@@ -2,6 +2,8 @@
 // Reads and waits with stream_select; the port is opened again when it is gone.
 function connect()
 {
+    // PHP keeps for two minutes where a link led to.
+    clearstatcache(true);
     while (!($port = @fopen(getenv('SIM_R150_PORT'), 'r+b'))) {
         usleep(30000);
     }

@@ -14,7 +14,7 @@ use std::io::{Read as _, Seek as _};
 use std::os::fd::OwnedFd;
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -266,9 +266,15 @@ pub fn python_on(stage: Stage, code: &str) -> Option<Played> {
     Some(play_on(stage, &[python, "-c", code]).expect("it can be run"))
 }
 
+/// Runs a program to its end beside the clients of other tests.
+pub fn finished(command: &mut Command) -> std::io::Result<std::process::Output> {
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    rigsim_lockstep::spawn(command)?.wait_with_output()
+}
+
 /// A program of this machine.
 pub fn program(name: &str) -> Option<PathBuf> {
-    let found = Command::new(name).arg("--version").output().is_ok();
+    let found = finished(Command::new(name).arg("--version")).is_ok();
     if !found {
         eprintln!("skipped: there is no {name} here");
         return None;
@@ -297,13 +303,10 @@ fn compiled(
     let source = folder.path().join("client").with_extension(ending);
     fs::write(&source, code).expect("a source file");
     let binary = folder.path().join("client");
-    let built = Command::new(compiler)
-        .args(["-O1", "-pthread", "-o"])
-        .arg(&binary)
-        .arg(&source)
-        .args(flags)
-        .output()
-        .expect("a compiler that runs");
+    let mut command = Command::new(compiler);
+    command.args(["-O1", "-pthread", "-o"]);
+    command.arg(&binary).arg(&source).args(flags);
+    let built = finished(&mut command).expect("a compiler that runs");
     assert!(
         built.status.success(),
         "{}",

@@ -37,25 +37,29 @@ impl<'a> Image<'a> {
     }
 }
 
-/// Forks. The child waits at `line` until it is traced, and becomes the program with these streams;
-/// `line` is closed then, or tells the number of the error, less than 0 if the system forbids what
-/// has to be done before. `theirs` is its other end.
+/// Forks. The child has no descriptors but these streams and `line`, where it reports that with a byte and
+/// waits until it is traced. Then it becomes the program; `line` is closed, or tells the number of the
+/// error, less than 0 if the system forbids what has to be done before.
 pub(crate) fn fork(
     image: &Image<'_>,
-    (line, theirs): (RawFd, RawFd),
+    line: RawFd,
     (input, output): (RawFd, RawFd),
 ) -> io::Result<Tid> {
     // SAFETY: the child makes plain calls only, takes no lock and no memory, and never returns.
     unsafe {
-        let parent = libc::getpid();
         let pid = check(libc::fork().into())?;
         if pid != 0 {
             return Tid::try_from(pid).map_err(io::Error::other);
         }
-        libc::close(theirs);
-        wait_to_be_traced(line, parent);
+        let streams = set_streams(input, output);
+        close_others(line);
+        let mut go = 0_u8;
+        libc::write(line, (&raw const go).cast(), 1);
+        if libc::read(line, (&raw mut go).cast(), 1) != 1 {
+            libc::_exit(127);
+        }
         let number = |error: io::Error| error.raw_os_error().unwrap_or(libc::EINVAL);
-        let failed = match prepare(image, input, output) {
+        let failed = match streams.and_then(|()| prepare(image)) {
             Ok(()) => {
                 let (words, environment) = (image.words.as_ptr(), image.environment.as_ptr());
                 libc::execve(image.file.as_ptr(), words, environment);
@@ -71,30 +75,36 @@ pub(crate) fn fork(
 
 /// # Safety
 /// Only for a child that has been forked.
-unsafe fn wait_to_be_traced(line: RawFd, parent: Tid) {
-    let mut poll = libc::pollfd {
-        fd: line,
-        events: libc::POLLIN,
-        revents: 0,
-    };
-    let mut go = 0_u8;
-    // SAFETY: the structure and the byte outlive the calls.
+unsafe fn set_streams(input: RawFd, output: RawFd) -> io::Result<()> {
+    // SAFETY: takes numbers.
     unsafe {
-        // Another child may hold the other end open when the tracer is killed.
-        while libc::poll(&raw mut poll, 1, 50) != 1 {
-            if libc::getppid() != parent {
-                libc::_exit(127);
+        check(libc::dup2(input, 0).into())?;
+        check(libc::dup2(output, 1).into())?;
+        check(libc::dup2(output, 2).into())?;
+    }
+    Ok(())
+}
+
+/// # Safety
+/// Only for a child that has been forked.
+unsafe fn close_others(line: RawFd) {
+    /// Descriptors that are closed one by one, by a kernel before 5.9.
+    const MOST: RawFd = 1 << 16;
+    for (first, last) in [(3, line - 1), (line + 1, RawFd::MAX)] {
+        // SAFETY: takes numbers.
+        unsafe {
+            if first <= last && libc::syscall(libc::SYS_close_range, first, last, 0) != 0 {
+                for one in first..=last.min(MOST) {
+                    libc::close(one);
+                }
             }
-        }
-        if libc::read(line, (&raw mut go).cast(), 1) != 1 {
-            libc::_exit(127);
         }
     }
 }
 
 /// # Safety
 /// Only for a child that has been forked.
-unsafe fn prepare(image: &Image<'_>, input: RawFd, output: RawFd) -> io::Result<()> {
+unsafe fn prepare(image: &Image<'_>) -> io::Result<()> {
     let program = libc::sock_fprog {
         len: u16::try_from(image.filter.len()).map_err(|_| io::ErrorKind::InvalidInput)?,
         filter: image.filter.as_ptr().cast_mut(),
@@ -103,9 +113,6 @@ unsafe fn prepare(image: &Image<'_>, input: RawFd, output: RawFd) -> io::Result<
     unsafe {
         // Ctrl-C is for the tracer, which then ends it.
         check(libc::setpgid(0, 0).into())?;
-        check(libc::dup2(input, 0).into())?;
-        check(libc::dup2(output, 1).into())?;
-        check(libc::dup2(output, 2).into())?;
         // What this program ignores or blocks is its own affair.
         libc::signal(libc::SIGPIPE, libc::SIG_DFL);
         let mut none = std::mem::MaybeUninit::<libc::sigset_t>::uninit();
