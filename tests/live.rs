@@ -230,6 +230,7 @@ fn a_failure_says_what_was_expected_and_its_cause_comes_first() {
     let ended = folder.with_script(&args, script);
     assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
     let places = [
+        "about: It is to go slowly.",
         "expected: Drives at half",
         " s: always `truth.speed",
         "exit code 4",
@@ -271,7 +272,7 @@ fn a_failure_says_what_was_expected_and_its_cause_comes_first() {
     );
     let description = description.as_ref().unwrap();
     assert!(
-        description.starts_with("expected: Drives at half power"),
+        description.starts_with("about: It is to go slowly.\nexpected: Drives at half power"),
         "{description:?}"
     );
 

@@ -131,8 +131,8 @@ fn body(view: &View<'_>, result: &CaseResult) -> String {
     if let Some(why) = &result.why {
         line("  ", why);
     }
-    if let Some(expected) = view.expected {
-        line("  ", &format!("expected: {expected}"));
+    for premise in view.premises() {
+        line("  ", &premise);
     }
     let (causes, consequences) = view.causes();
     for (index, failure) in causes.iter().enumerate() {

@@ -15,6 +15,8 @@ pub(crate) struct View<'a> {
     pub(crate) verdict: Verdict,
     /// Reason for a verdict other than `passed`, in a line: the first cause, if there are several.
     pub(crate) reason: Option<String>,
+    /// What the scenario is about, of a failure.
+    pub(crate) about: Option<&'a str>,
     /// Behaviour of a good client, of a failure.
     pub(crate) expected: Option<&'a str>,
     /// Failures, causes first.
@@ -48,6 +50,7 @@ impl<'a> View<'a> {
         let mut view = Self {
             verdict: result.map_or(Verdict::Skipped, |result| result.verdict),
             reason: result.and_then(|result| result.why.clone()),
+            about: None,
             expected: None,
             failures: &[],
             notes: Vec::new(),
@@ -66,6 +69,7 @@ impl<'a> View<'a> {
         view.summary = Some(summary(outcome));
         if !outcome.failures.is_empty() {
             view.failures = &outcome.failures;
+            view.about = scenario.description.as_deref();
             view.expected = Some(scenario.good_client.as_str());
         }
         let first = || {
@@ -134,16 +138,23 @@ impl<'a> View<'a> {
         }
     }
 
+    /// What stands above failures, in lines.
+    pub(crate) fn premises(&self) -> impl Iterator<Item = String> {
+        let premises = [("about", self.about), ("expected", self.expected)];
+        premises.into_iter().filter_map(|(label, text)| {
+            let words: Vec<&str> = text?.split_whitespace().collect();
+            Some(format!("{label}: {}", words.join(" ")))
+        })
+    }
+
     /// The failures in lines, without what happened before them.
     pub(crate) fn lines(&self) -> Vec<String> {
-        let expected = self.expected.map(|text| format!("expected: {text}"));
         let (causes, consequences) = self.causes();
         let causes = causes.iter().map(ToString::to_string);
         let consequences = consequences
             .iter()
             .map(|one| format!("in consequence: {one}"));
-        expected
-            .into_iter()
+        self.premises()
             .chain(causes)
             .chain(consequences)
             .collect()
