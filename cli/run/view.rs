@@ -154,10 +154,7 @@ impl<'a> View<'a> {
         let consequences = consequences
             .iter()
             .map(|one| format!("in consequence: {one}"));
-        self.premises()
-            .chain(causes)
-            .chain(consequences)
-            .collect()
+        self.premises().chain(causes).chain(consequences).collect()
     }
 }
 
