@@ -514,7 +514,59 @@ int main(void) {
     let Some(played) = c_played(code) else { return };
     assert_eq!(played.output, "1\n", "{:?}", played.ending);
     let outside: Vec<&String> = played.ending.outside.iter().collect();
-    assert_eq!(outside, ["client in openat2"]);
+    assert!(outside.len() == 1, "{outside:?}");
+    assert!(
+        outside[0].starts_with("client in openat2 of /tmp/lockstep"),
+        "{outside:?}"
+    );
+}
+
+/// The kernel makes an open wait while another program has a lease on the file, as a slow disk does.
+#[test]
+fn a_thread_that_the_kernel_keeps_waits_for_nothing_outside() {
+    let Some(python3) = program("python3") else {
+        return;
+    };
+    let file = tempfile::NamedTempFile::new()
+        .expect("a file")
+        .into_temp_path();
+    let holder = "import fcntl, signal, sys, time\n\
+        file = open(sys.argv[1], 'r+')\n\
+        def give_up(*_):\n  \
+            time.sleep(0.5)\n  \
+            fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_UNLCK)\n  \
+            sys.exit()\n\
+        signal.signal(signal.SIGIO, give_up)\n\
+        fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_WRLCK)\n\
+        print('holds', flush=True)\n\
+        while True: signal.pause()";
+    let mut command = Command::new(python3);
+    command
+        .args(["-c", holder, text(&file)])
+        .stdout(Stdio::piped());
+    // The tracer reaps the children of its own thread.
+    let starting = std::thread::spawn(move || spawn(&mut command).expect("a holder"));
+    let mut holder = starting.join().expect("it has started");
+    let mut printed = std::io::BufReader::new(holder.stdout.take().expect("a pipe"));
+    let mut line = String::new();
+    printed.read_line(&mut line).expect("a line");
+    assert_eq!(line, "holds\n");
+    let code = format!(
+        "import threading, time; start = time.monotonic(); \
+         thread = threading.Thread(target=time.sleep, args=(0.1,)); thread.start(); \
+         open({:?}).close(); print(time.monotonic() - start < 0.1); thread.join(); \
+         print(round(time.monotonic() - start, 3))",
+        text(&file)
+    );
+    let played = python(&code).expect("there is a Python");
+    holder.wait().expect("it has given up");
+    assert_eq!(played.output, "True\n0.1\n", "{:?}", played.ending);
+    assert!(
+        played.took > Duration::from_millis(400),
+        "{:?}",
+        played.took
+    );
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
 }
 
 /// A process that is being started has a copy of every descriptor of this program, and so of the pipes of
@@ -532,4 +584,65 @@ fn runs_at_the_same_time_do_not_keep_pipes_of_one_another_open() {
             scope.spawn(|| (0..10).for_each(|_| run()));
         }
     });
+}
+
+/// Whatever a write is longer than, it waits for the one who reads, and for nothing in the kernel.
+#[test]
+fn long_writes_wait_in_simulated_time() {
+    let code = r#"
+import fcntl, os, pty, socket, sys, threading, time
+start = time.monotonic()
+def at(): return round(time.monotonic() - start, 2)
+def slow(read):
+    count = 0
+    while part := read(100000):
+        count += len(part); time.sleep(0.1)
+    print("read", count, at(), flush=True)
+def writes(name, write, read, close):
+    thread = threading.Thread(target=slow, args=(read,)); thread.start()
+    print(name, write(bytes(1000000)), at(), flush=True); close(); thread.join()
+r, w = os.pipe()
+writes("pipe", lambda b: os.write(w, b), lambda n: os.read(r, n), lambda: os.close(w))
+a, b = socket.socketpair()
+writes("socket", lambda d: a.send(d), lambda n: b.recv(n), a.close)
+r, w = os.pipe()
+writes("parts", lambda b: os.writev(w, [b[:70000], b[70000:]]), lambda n: os.read(r, n), lambda: os.close(w))
+r, w = os.pipe(); p, q = os.pipe()
+threading.Timer(1, lambda: os.write(w, b"late")).start()
+print("splice", os.splice(r, q, 100), os.read(p, 9), at())
+r, w = os.pipe()
+threading.Timer(1, lambda: (os.read(r, 5000), os.close(r))).start()
+print("ends", os.write(w, bytes(100000)), at())
+try: os.write(w, b"x")
+except BrokenPipeError: print("broken")
+a, b = socket.socketpair(); a.settimeout(None)
+import struct; a.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", 2, 0))
+before = at(); sent = a.send(bytes(10000000)); print("late", 0 < sent < 10000000, round(at() - before, 2))
+m, s = pty.openpty()
+threading.Timer(1, lambda: os.write(m, b"typed\n")).start()
+print(os.read(s, 9), at())
+"#;
+    let Some(played) = same_each_time(4, || python(code)) else {
+        return;
+    };
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+    let lines: Vec<&str> = played.output.lines().collect();
+    let of = |name: &str| lines.iter().find(|line| line.starts_with(name)).copied();
+    for name in ["pipe", "socket", "parts"] {
+        let line = of(name).unwrap_or_else(|| panic!("{}", played.output));
+        assert!(
+            line.starts_with(&format!("{name} 1000000 ")),
+            "{}",
+            played.output
+        );
+    }
+    assert_eq!(
+        played.output.matches("read 1000000 ").count(),
+        3,
+        "{}",
+        played.output
+    );
+    for line in ["broken", "late True 2.0"] {
+        assert!(lines.contains(&line), "{}", played.output);
+    }
 }

@@ -3,11 +3,13 @@
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsRawFd as _, OwnedFd};
 use std::rc::Rc;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{FileType, OFlags, Stat};
+use rustix::io::Errno;
+use rustix::net::SendFlags;
 
 use crate::copies;
 
@@ -21,6 +23,9 @@ pub(crate) struct Descriptor {
     /// Peer of it that was found to be of the run.
     pub(crate) known_peer: Cell<Option<SocketAddr>>,
 }
+
+/// Bytes that a pipe or a socket takes at once if a poll says that it has room.
+const PIECE: usize = rustix::pipe::PIPE_BUF;
 
 /// What a poll finds of files.
 pub(crate) const EVER_READY: PollFlags = PollFlags::IN
@@ -91,19 +96,45 @@ impl Descriptor {
         is_any_ready(&mut [PollFd::new(&self.file, flags)])
     }
 
-    /// A pipe takes so many bytes without waiting.
-    pub(crate) fn has_room(&self, bytes: usize) -> bool {
-        if !self.is_ready(PollFlags::OUT) {
-            return false;
+    /// Returns whether a write that is as long as this would wait in the kernel for room, although a poll says
+    /// that there is some: of a pipe, or of a socket without messages.
+    pub(crate) fn takes_pieces(&self, length: u64) -> bool {
+        let is_stream =
+            || rustix::net::sockopt::socket_type(&self.file) == Ok(rustix::net::SocketType::STREAM);
+        length > PIECE as u64 && (self.is_pipe() || self.is_socket() && is_stream())
+    }
+
+    /// Writes as much as there is room for.
+    pub(crate) fn write(&self, bytes: &[u8]) -> rustix::io::Result<usize> {
+        let mut written = 0;
+        for piece in bytes.chunks(PIECE) {
+            if !self.is_ready(PollFlags::OUT) {
+                break;
+            }
+            let result = if self.is_socket() {
+                rustix::net::send(&self.file, piece, SendFlags::DONTWAIT | SendFlags::NOSIGNAL)
+            } else {
+                rustix::io::write(&self.file, piece)
+            };
+            match result {
+                Ok(count) => written += count,
+                Err(Errno::AGAIN) => break,
+                Err(error) if written == 0 => return Err(error),
+                Err(_) => break,
+            }
         }
-        if bytes <= rustix::pipe::PIPE_BUF || !self.is_pipe() {
-            return true;
-        }
-        let size = rustix::pipe::fcntl_getpipe_size(&self.file).unwrap_or(0);
-        let full = rustix::io::ioctl_fionread(&self.file).unwrap_or(0);
-        let full = usize::try_from(full).unwrap_or(usize::MAX);
-        // More than it ever takes goes in pieces.
-        full == 0 || size.saturating_sub(full) >= bytes
+        Ok(written)
+    }
+
+    /// Its path, as the system tells it.
+    pub(crate) fn path(&self) -> Option<String> {
+        let path = format!("/proc/self/fd/{}", self.file.as_raw_fd());
+        Some(
+            std::fs::read_link(path)
+                .ok()?
+                .to_string_lossy()
+                .into_owned(),
+        )
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
+use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -10,9 +11,11 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use crate::traced::arch::Syscall;
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
-use crate::traced::proc::{files_of, members_of_epoll, path_of};
+use crate::traced::proc::{
+    descriptors_of, files_of, info_of, members_of_epoll, name_of, syscall_of,
+};
 use crate::traced::sys::Tid;
-use crate::traced::syscall::{Entry, Halt, low};
+use crate::traced::syscall::{Entry, Halt, call_name, int, low};
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::Wait;
 
@@ -45,6 +48,10 @@ impl Tracer<'_> {
             let set = match thread.block().map(|block| &block.wait) {
                 Some(Wait::Descriptor { fd, flags, .. }) => vec![(*fd, *flags)],
                 Some(Wait::Poll { set, .. }) => set.clone(),
+                Some(Wait::Write { to, .. }) => {
+                    all.extend(self.outside(Rc::clone(to), PollFlags::OUT));
+                    continue;
+                }
                 _ => continue,
             };
             let find = |fd| self.descriptor(thread.process, fd);
@@ -53,33 +60,79 @@ impl Tracer<'_> {
                 Some(one) if one.is_anonymous() => members_of_epoll(thread.process, fd),
                 _ => vec![(fd, flags)],
             });
-            all.extend(members.filter_map(|(fd, flags)| {
-                let descriptor = find(fd)?;
-                let name = self.outside_name(thread.process, fd, &descriptor)?;
-                Some(Outside {
-                    descriptor,
-                    flags,
-                    name,
-                })
-            }));
+            all.extend(members.filter_map(|(fd, flags)| self.outside(find(fd)?, flags)));
         }
         all
     }
 
-    fn outside_name(&self, process: Tid, fd: i32, descriptor: &Descriptor) -> Option<String> {
+    fn outside(&self, descriptor: Rc<Descriptor>, flags: PollFlags) -> Option<Outside> {
+        let name = self.outside_name(&descriptor)?;
+        Some(Outside {
+            descriptor,
+            flags,
+            name,
+        })
+    }
+
+    fn outside_name(&self, descriptor: &Descriptor) -> Option<String> {
         if descriptor.is_socket() {
-            return self.peer(process, fd);
+            return self.peer(descriptor);
         }
         if !descriptor.kind().is_char_device()
             || descriptor.never_waits()
             || self.port_of(descriptor).is_some()
+            || self.is_terminal_of_run(descriptor.stat.st_rdev)
         {
             return None;
         }
         // A port whose cable has been pulled is still one, and says so at once.
-        let path = path_of(process, fd)?;
-        let path = path.to_string_lossy();
-        (!path.ends_with(" (deleted)")).then(|| path.into_owned())
+        let path = descriptor.path()?;
+        (!path.ends_with(" (deleted)")).then_some(path)
+    }
+
+    /// Returns whether a device is an end of a pseudo-terminal whose master a process of the run has.
+    fn is_terminal_of_run(&self, device: u64) -> bool {
+        match (rustix::fs::major(device), rustix::fs::minor(device)) {
+            // The master itself.
+            (5, 2) => true,
+            (136, index) => {
+                let index = index.to_string();
+                let is_it = |pid: Tid, fd| info_of(pid, fd, "tty-index:") == Some(index.clone());
+                let mut processes = self.tree.processes.keys();
+                processes.any(|pid| descriptors_of(*pid).any(|fd| is_it(*pid, fd)))
+            }
+            _ => false,
+        }
+    }
+
+    /// Names what a thread waits for that sleeps in a syscall which it makes; `None` if that is the kernel's
+    /// own work, as to read from a disk.
+    pub(crate) fn kernel_wait(&self, process: Tid, tid: Tid) -> Option<String> {
+        let (number, a) = syscall_of(process, tid)?;
+        let what = match number {
+            libc::SYS_open | libc::SYS_creat => opened(process, tid, libc::AT_FDCWD, a[0])?,
+            libc::SYS_openat | libc::SYS_openat2 => opened(process, tid, int(a[0]), a[1])?,
+            libc::SYS_connect => match read_address(tid, a[1], low(a[2])).ok().flatten() {
+                Some(address) => return Some(format!("tcp {address}")),
+                None => "a socket".to_owned(),
+            },
+            _ => {
+                let descriptor = self.descriptor(process, i32::try_from(a[0]).ok()?)?;
+                if let Some(name) = self.outside_name(&descriptor) {
+                    return Some(name);
+                }
+                // What has another end waits for that alone.
+                let has_end = !descriptor.never_waits() && !descriptor.is_anonymous();
+                let path = descriptor.path()?;
+                let is_port = self.port_of(&descriptor).is_some() || path.ends_with(" (deleted)");
+                Some(path).filter(|_| has_end && !is_port)?
+            }
+        };
+        Some(format!(
+            "{} in {} of {what}",
+            name_of(tid),
+            call_name(number)
+        ))
     }
 
     /// Notes a socket that sends to an address of another machine, and so may get an answer.
@@ -98,18 +151,13 @@ impl Tracer<'_> {
             }
             _ => return Ok(()),
         };
-        let mut bytes = [0; 24];
-        let length = usize::try_from(length).unwrap_or(0).min(bytes.len());
-        if address == 0 || !descriptor.is_socket() || length < 8 {
+        if address == 0 || !descriptor.is_socket() {
             return Ok(());
         }
-        memory.read(address, bytes.get_mut(..length).unwrap_or_default())?;
-        let [_, _, _, _, a, b, c, d, v6 @ ..] = bytes;
-        let ip = match i32::from(u16::from_ne_bytes([bytes[0], bytes[1]])) {
-            libc::AF_INET => IpAddr::from([a, b, c, d]),
-            libc::AF_INET6 => IpAddr::from(v6).to_canonical(),
-            _ => return Ok(()),
+        let Some(address) = read_address(tid, address, length)? else {
+            return Ok(());
         };
+        let ip = address.ip();
         let is_group = ip.is_multicast() || ip == IpAddr::from([255; 4]) || ip.is_unspecified();
         // Only an address of this machine can be bound to.
         if !is_group && !ip.is_loopback() && UdpSocket::bind((ip, 0)).is_err() {
@@ -119,8 +167,7 @@ impl Tracer<'_> {
     }
 
     /// Returns the name of the other end of a socket, unless that is of the run.
-    pub(crate) fn peer(&self, process: Tid, fd: i32) -> Option<String> {
-        let descriptor = self.descriptor(process, fd)?;
+    fn peer(&self, descriptor: &Descriptor) -> Option<String> {
         let file = &descriptor.file;
         let is_stream = rustix::net::sockopt::socket_type(file)
             .is_ok_and(|kind| kind == rustix::net::SocketType::STREAM);
@@ -192,6 +239,40 @@ impl Tracer<'_> {
             })
         })
     }
+}
+
+/// Reads an address of the internet.
+fn read_address(tid: Tid, address: u64, length: u32) -> io::Result<Option<SocketAddr>> {
+    let mut bytes = [0; 24];
+    let length = usize::try_from(length).unwrap_or(0).min(bytes.len());
+    if length < 8 {
+        return Ok(None);
+    }
+    Memory(tid).read(address, bytes.get_mut(..length).unwrap_or_default())?;
+    let [_, _, high, low, a, b, c, d, v6 @ ..] = bytes;
+    let ip = match i32::from(u16::from_ne_bytes([bytes[0], bytes[1]])) {
+        libc::AF_INET => IpAddr::from([a, b, c, d]),
+        libc::AF_INET6 => IpAddr::from(v6).to_canonical(),
+        _ => return Ok(None),
+    };
+    Ok(Some((ip, u16::from_be_bytes([high, low])).into()))
+}
+
+/// The file that a thread is opening, relative to a folder, if that may wait for another program: a named
+/// pipe, or a device that is no terminal of the system's own.
+fn opened(process: Tid, tid: Tid, folder: i32, address: u64) -> Option<String> {
+    let path = Memory(tid).read_path(address).ok()?;
+    let base = match folder {
+        _ if path.is_absolute() => format!("/proc/{process}/root"),
+        libc::AT_FDCWD => format!("/proc/{process}/cwd"),
+        fd => format!("/proc/{process}/fd/{fd}"),
+    };
+    let inside = path.strip_prefix("/").unwrap_or(&path);
+    let file = std::fs::metadata(std::path::Path::new(&base).join(inside)).ok()?;
+    let kind = file.file_type();
+    let is_terminal = matches!(rustix::fs::major(file.rdev()), 1 | 5 | 136);
+    let may_wait = kind.is_fifo() || kind.is_char_device() && !is_terminal;
+    may_wait.then(|| path.display().to_string())
 }
 
 fn own_pid() -> i32 {

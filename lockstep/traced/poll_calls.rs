@@ -13,7 +13,7 @@ use crate::traced::tracer::Tracer;
 use crate::traced::wait::{PollResult, Wait};
 
 /// Most descriptors in one syscall; beyond that the system decides.
-const MOST: usize = 4096;
+const MOST: usize = 1 << 16;
 
 /// What `select` polls for the members of its three sets, and what of that makes one a member of the
 /// result.

@@ -55,6 +55,19 @@ pub(crate) fn number(text: &str) -> Option<u64> {
     u64::from_str_radix(text, 16).ok()
 }
 
+/// The syscall in which a thread sleeps, and its arguments; `None` if it is in none.
+pub(crate) fn syscall_of(process: Tid, tid: Tid) -> Option<(i64, [u64; 6])> {
+    let text = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/syscall")).ok()?;
+    let mut words = text.split_whitespace();
+    // A word if it runs, and -1 if it waits for its memory.
+    let call = words.next()?.parse().ok().filter(|call| *call >= 0)?;
+    let mut arguments = [0; 6];
+    for (argument, word) in arguments.iter_mut().zip(words) {
+        *argument = number(word.strip_prefix("0x")?)?;
+    }
+    Some((call, arguments))
+}
+
 pub(crate) fn path_of(process: Tid, fd: i32) -> Option<PathBuf> {
     std::fs::read_link(format!("/proc/{process}/fd/{fd}")).ok()
 }
@@ -63,6 +76,11 @@ pub(crate) fn files_of(pid: Tid) -> impl Iterator<Item = PathBuf> {
     let entries = std::fs::read_dir(format!("/proc/{pid}/fd"));
     let entries = entries.into_iter().flatten();
     entries.filter_map(|entry| entry.ok().map(|entry| entry.path()))
+}
+
+/// The numbers of a process's descriptors.
+pub(crate) fn descriptors_of(pid: Tid) -> impl Iterator<Item = i32> {
+    files_of(pid).filter_map(|path| path.file_name()?.to_str()?.parse().ok())
 }
 
 /// The text under this name in what the system says of a descriptor.

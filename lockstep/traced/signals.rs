@@ -112,7 +112,7 @@ impl Tracer<'_> {
             Wait::Poll { mask: None, .. } => {
                 registers.answer(tid, -i64::from(libc::EINTR))?;
             }
-            Wait::PortWrite { sent, .. } if sent > 0 => {
+            Wait::Write { sent, .. } if sent > 0 => {
                 registers.answer(tid, counted(sent))?;
             }
             Wait::PortRead { port, into, .. } if self.ports[port].unread() > 0 => {

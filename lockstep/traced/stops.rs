@@ -87,7 +87,9 @@ impl Tracer<'_> {
         if self.schedule.sleepy < SLEEPY_TICKS {
             return false;
         }
-        let what = self.what_kernel_waits_for(thread.process, tid);
+        let Some(what) = self.kernel_wait(thread.process, tid) else {
+            return false;
+        };
         self.report.outside.insert(what);
         self.tree.set_state(tid, State::InKernel);
         true

@@ -12,7 +12,7 @@ use crate::traced::arch::Registers;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
-use crate::traced::proc::{files_of, info_of, own_number_of};
+use crate::traced::proc::{descriptors_of, info_of, own_number_of};
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
 use crate::traced::timers::{Kind, Timer, has_mark};
@@ -301,12 +301,10 @@ impl Tracer<'_> {
         };
         let found = self.descriptor(process, fd).filter(is_it).or_else(|| {
             // It has another number, or another process has it.
-            let mut others = self.tree.processes.keys().flat_map(|pid| {
-                files_of(*pid)
-                    .filter_map(|path| path.file_name()?.to_str()?.parse::<i32>().ok())
-                    .map(|fd| (*pid, fd))
-            });
-            others.find_map(|(pid, fd)| self.descriptor(pid, fd).filter(is_it))
+            self.tree.processes.keys().find_map(|pid| {
+                let mut all = descriptors_of(*pid);
+                all.find_map(|fd| self.descriptor(*pid, fd).filter(is_it))
+            })
         });
         let Some(descriptor) = found else {
             // Closed; no thread will ever read it.

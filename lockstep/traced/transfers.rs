@@ -1,5 +1,7 @@
 //! Reads, writes and the like, of ports and of everything else; and random bytes.
 
+use std::rc::Rc;
+
 use rustix::event::PollFlags;
 use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 
@@ -15,6 +17,8 @@ use crate::traced::wait::Wait;
 
 /// Most random bytes of one syscall; the program asks for the rest again.
 const MOST_RANDOM: usize = 1 << 16;
+
+const NO_SIGNAL: u64 = libc::MSG_NOSIGNAL.cast_unsigned() as u64;
 
 impl Tracer<'_> {
     pub(crate) fn transfer_call(&mut self, mut entry: Entry) -> Result<Handling, Halt> {
@@ -51,8 +55,8 @@ impl Tracer<'_> {
             };
         }
         self.note_destination(entry, &descriptor)?;
-        let from = from.and_then(|from| self.descriptor(process, from));
-        if let Some(action) = self.own_bytes(entry, &descriptor, from.as_deref())? {
+        let source = from.and_then(|from| self.descriptor(process, from));
+        if let Some(action) = self.own_bytes(entry, &descriptor, source.as_deref())? {
             return Ok(action);
         }
         // Whatever waits has no places, and says so at once.
@@ -65,6 +69,20 @@ impl Tracer<'_> {
             && let Some(action) = self.read_timer(tid, &descriptor, a[1])?
         {
             return Ok(action);
+        }
+        if let (Some(fd), Some(source)) = (from, source)
+            && !source.never_waits()
+            && !source.is_ready(PollFlags::IN)
+            && !source.is_nonblocking()
+            && (call != Syscall::Splice || a[5] & u64::from(libc::SPLICE_F_NONBLOCK) == 0)
+        {
+            let wait = Wait::Descriptor {
+                fd,
+                flags: PollFlags::IN,
+                late: 0,
+                has_more: true,
+            };
+            return Ok(Handling::Block(wait, None));
         }
         if descriptor.never_waits() && !is_queue(call) {
             return Ok(Handling::Make);
@@ -121,7 +139,7 @@ impl Tracer<'_> {
         &mut self,
         entry: Entry,
         index: usize,
-        descriptor: &Descriptor,
+        descriptor: &Rc<Descriptor>,
     ) -> Result<Handling, Halt> {
         let a = entry.a;
         let parts = match entry.call {
@@ -132,7 +150,7 @@ impl Tracer<'_> {
             _ => return Ok(Handling::Make),
         };
         match entry.call {
-            Syscall::Write | Syscall::Writev => self.write_port(entry, index, descriptor, &parts),
+            Syscall::Write | Syscall::Writev => self.write(entry, descriptor, &parts, None),
             _ => self.read_port(entry, index, descriptor, parts),
         }
     }
@@ -157,31 +175,24 @@ impl Tracer<'_> {
         &mut self,
         entry: Entry,
         fd: i32,
-        descriptor: &Descriptor,
+        descriptor: &Rc<Descriptor>,
     ) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
-        let (flags, room) = match call {
-            Syscall::Write => (PollFlags::OUT, usize::try_from(a[2]).unwrap_or(usize::MAX)),
-            Syscall::Writev
+        let flags = match call {
+            Syscall::Write
+            | Syscall::Writev
             | Syscall::Sendto
             | Syscall::Sendmsg
             | Syscall::Sendmmsg
             | Syscall::Splice
             | Syscall::Sendfile
-            | Syscall::MqTimedsend => (PollFlags::OUT, 1),
-            Syscall::Vmsplice if descriptor.is_for_writing() => (PollFlags::OUT, 1),
-            _ => (PollFlags::IN, 0),
+            | Syscall::MqTimedsend => PollFlags::OUT,
+            Syscall::Vmsplice if descriptor.is_for_writing() => PollFlags::OUT,
+            _ => PollFlags::IN,
         };
         if flags == PollFlags::OUT && descriptor.is_socket() {
             // Else the system keeps back small messages, by its own clock. What is not TCP refuses this.
             let _ = set_tcp_nodelay(&descriptor.file, true);
-        }
-        let ready = match flags {
-            PollFlags::OUT => descriptor.has_room(room),
-            _ => descriptor.is_ready(flags) || self.has_signal(tid, fd),
-        };
-        if ready {
-            return Ok(Handling::Make);
         }
         let message_flags = match call {
             Syscall::Recvfrom | Syscall::Sendto | Syscall::Recvmmsg | Syscall::Sendmmsg => a[3],
@@ -191,7 +202,21 @@ impl Tracer<'_> {
         let at_once = message_flags & u64::from(libc::MSG_DONTWAIT.unsigned_abs()) != 0
             || matches!(call, Syscall::Tee | Syscall::Vmsplice)
                 && a[3] & u64::from(libc::SPLICE_F_NONBLOCK) != 0;
-        if at_once || descriptor.is_nonblocking() {
+        let at_once = at_once || descriptor.is_nonblocking();
+        let is_ready =
+            descriptor.is_ready(flags) || flags == PollFlags::IN && self.has_signal(tid, fd);
+        let parts = match call {
+            _ if at_once => None,
+            Syscall::Write => Some(vec![(a[1], a[2])]),
+            Syscall::Sendto if a[4] == 0 && a[3] & !NO_SIGNAL == 0 => Some(vec![(a[1], a[2])]),
+            Syscall::Writev => Some(Memory(tid).read_parts(a[1], a[2])?),
+            _ => None,
+        };
+        let parts = parts.filter(|parts| descriptor.takes_pieces(whole_length(parts)));
+        if is_ready && parts.is_none() {
+            return Ok(Handling::Make);
+        }
+        if at_once {
             return Ok(self.query(entry).unwrap_or(Handling::Make));
         }
         let (mut late, mut deadline) = (-i64::from(libc::EAGAIN), None);
@@ -207,10 +232,12 @@ impl Tracer<'_> {
             let patience = socket_timeout(&descriptor.file, which).ok().flatten();
             deadline = patience.map(|span| self.now.saturating_add(nanoseconds(span)));
         }
+        if let Some(parts) = parts {
+            return self.write(entry, descriptor, &parts, deadline);
+        }
         let wait = Wait::Descriptor {
             fd,
             flags,
-            room,
             late,
             // Perhaps a timer, which counts how often it has run out; or several messages.
             has_more: descriptor.is_anonymous() || call == Syscall::Recvmmsg,

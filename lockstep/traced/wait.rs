@@ -1,9 +1,12 @@
 //! Waits of a thread.
 
+use std::rc::Rc;
+
 use rustix::event::PollFlags;
 
 use crate::port::ReadRule;
 use crate::traced::arch::Registers;
+use crate::traced::descriptor::Descriptor;
 
 pub(crate) struct Block {
     /// As they were at the syscall.
@@ -61,12 +64,11 @@ pub(crate) enum Wait {
         result: PollResult,
         mask: Option<u64>,
     },
-    /// A descriptor on which a syscall can then be made; room for so many bytes, if it is a pipe. What
-    /// the syscall returns at the deadline. Some syscalls have more to them and are handled once more.
+    /// A descriptor on which a syscall can then be made. What the syscall returns at the deadline. Some
+    /// syscalls have more to them and are handled once more.
     Descriptor {
         fd: i32,
         flags: PollFlags,
-        room: usize,
         late: i64,
         has_more: bool,
     },
@@ -79,10 +81,9 @@ pub(crate) enum Wait {
         /// Places where they go.
         into: Vec<(u64, u64)>,
     },
-    /// Room on the line for the rest of what a client sends.
-    PortWrite {
-        port: usize,
-        device: u64,
+    /// Room for the rest of what is written, on a line, in a pipe or in a socket.
+    Write {
+        to: Rc<Descriptor>,
         bytes: Vec<u8>,
         sent: usize,
         /// Value that the syscall returns when all have been sent.

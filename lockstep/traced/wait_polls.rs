@@ -26,7 +26,7 @@ enum Polled {
 impl Tracer<'_> {
     /// Polls all waits; returns whether any thread can resume.
     pub(crate) fn poll_waits(&mut self) -> Result<bool, Halt> {
-        let mut any = false;
+        let (mut any, happened) = (false, self.schedule.happened);
         // Those that have not been polled since something has happened.
         for tid in self.tree.all(|one| {
             one.block()
@@ -34,7 +34,8 @@ impl Tracer<'_> {
         }) {
             any |= self.poll_wait(tid)?;
         }
-        Ok(any)
+        // A write that waits for more room has filled what there was.
+        Ok(any || happened < self.schedule.happened)
     }
 
     fn poll_wait(&mut self, tid: Tid) -> Result<bool, Halt> {
@@ -90,13 +91,6 @@ impl Tracer<'_> {
         wait: &mut Wait,
         (deadline, is_late): (Option<u64>, bool),
     ) -> Result<Polled, Halt> {
-        let make_if = |is_there| {
-            if is_there {
-                Polled::Make
-            } else {
-                Polled::Waits
-            }
-        };
         Ok(match wait {
             Wait::Poll { set, result, .. } => {
                 let found = self.found(tid, set, result);
@@ -109,14 +103,10 @@ impl Tracer<'_> {
             Wait::Descriptor {
                 fd,
                 flags,
-                room,
                 has_more,
                 ..
             } => match self.descriptor(self.tree.process_of(tid), *fd) {
                 Some(_) if self.has_signal(tid, *fd) => Polled::Make,
-                Some(descriptor) if flags.contains(PollFlags::OUT) => {
-                    make_if(descriptor.has_room(*room))
-                }
                 Some(descriptor) if !descriptor.is_ready(*flags) => Polled::Waits,
                 Some(_) if *has_more => Polled::Resume(Resume::Syscall { backed_off: true }),
                 _ => Polled::Make,
@@ -137,27 +127,25 @@ impl Tracer<'_> {
                 // The system says that it is gone.
                 _ => Polled::Make,
             },
-            Wait::PortWrite {
-                port,
-                device,
+            Wait::Write {
+                to,
                 bytes,
                 sent,
                 count,
-            } => {
-                if !self
-                    .ports
-                    .get(*port)
-                    .is_some_and(|port| port.is_device(*device))
-                {
-                    return Ok(Polled::Answer(-i64::from(libc::EIO)));
+            } => match self.send(to, bytes.get(*sent..).unwrap_or_default())? {
+                Some(more) => {
+                    *sent += more;
+                    self.schedule.happened += u64::from(more > 0);
+                    if *sent < bytes.len() {
+                        Polled::Waits
+                    } else {
+                        Polled::Answer(counted(*count))
+                    }
                 }
-                *sent += self.send(*port, bytes.get(*sent..).unwrap_or_default())?;
-                if *sent < bytes.len() {
-                    Polled::Waits
-                } else {
-                    Polled::Answer(counted(*count))
-                }
-            }
+                // The system says why.
+                None if *sent == 0 => Polled::Make,
+                None => Polled::Answer(counted(*sent.min(count))),
+            },
             // Each time something has happened; but not when it is too late.
             Wait::Again { .. } if is_late => Polled::Waits,
             Wait::Child | Wait::Again { .. } => Polled::Again,
@@ -211,9 +199,9 @@ impl Tracer<'_> {
             },
             Wait::Futex { .. } => Polled::Answer(-i64::from(libc::ETIMEDOUT)),
             Wait::Signal { .. } => Polled::Answer(-i64::from(libc::EAGAIN)),
-            Wait::PortWrite { .. } | Wait::Child | Wait::Vfork { .. } | Wait::Forever => {
-                Polled::Waits
-            }
+            Wait::Write { sent: 0, .. } => Polled::Answer(-i64::from(libc::EAGAIN)),
+            Wait::Write { sent, .. } => Polled::Answer(counted(*sent)),
+            Wait::Child | Wait::Vfork { .. } | Wait::Forever => Polled::Waits,
         })
     }
 }

@@ -1,7 +1,7 @@
 //! Words for what programs do and wait for.
 
 use crate::traced::arch::Registers;
-use crate::traced::proc::{mapping, name_of, path_of};
+use crate::traced::proc::{mapping, name_of, path_of, syscall_of};
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::call_name;
 use crate::traced::tracer::Tracer;
@@ -18,7 +18,10 @@ impl Tracer<'_> {
         let Some((tid, process)) = running else {
             return self.waits_text();
         };
-        computing(tid, interrupted_place(process, tid))
+        match syscall_of(process, tid) {
+            Some((call, _)) => format!("{} was in {}", name_of(tid), call_name(call)),
+            None => computing(tid, interrupted_place(process, tid)),
+        }
     }
 
     /// Returns what all threads wait for, as text.
@@ -66,37 +69,15 @@ impl Tracer<'_> {
                 Some(port) => format!("for bytes from {}", port.path().display()),
                 None => "for bytes".to_owned(),
             },
-            Wait::PortWrite { .. } => "for room on the line".to_owned(),
+            Wait::Write { to, .. } => match self.port_of(to) {
+                Some(_) => "for room on the line".to_owned(),
+                None => format!("for room in {}", to.path().unwrap_or_default()),
+            },
             Wait::Futex { .. } => "for another thread".to_owned(),
             Wait::Signal { .. } => "for a signal".to_owned(),
             Wait::Child | Wait::Vfork { .. } => "for a child".to_owned(),
             Wait::Again { .. } => "for a lock or a queue".to_owned(),
             Wait::Forever => "for a change of modem lines".to_owned(),
-        }
-    }
-
-    /// Says what a thread does that sleeps in a syscall at which it is not stopped.
-    pub(crate) fn what_kernel_waits_for(&self, process: Tid, tid: Tid) -> String {
-        let call = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/syscall"));
-        let call = call.unwrap_or_default();
-        let mut words = call.split_whitespace();
-        let number: i64 = words.next().and_then(|n| n.parse().ok()).unwrap_or(-1);
-        let fd = words.next().and_then(|n| n.strip_prefix("0x"));
-        let fd = fd.and_then(|n| i32::from_str_radix(n, 16).ok());
-        let (program, call) = (name_of(tid), call_name(number));
-        match (number, fd) {
-            (libc::SYS_openat, _) => {
-                format!("{program} opens a file that another program must open")
-            }
-            (libc::SYS_connect, Some(fd)) => match self.peer(process, fd) {
-                Some(peer) => peer,
-                None => format!("{program} connects to a program outside"),
-            },
-            (_, Some(fd)) => match path_of(process, fd) {
-                Some(path) => format!("{program} in {call}, perhaps on {}", path.display()),
-                None => format!("{program} in {call}"),
-            },
-            _ => format!("{program} in {call}"),
         }
     }
 }
