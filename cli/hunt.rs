@@ -12,8 +12,6 @@ mod search;
 mod space;
 
 use std::ffi::OsString;
-use std::fs;
-use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Args as _, FromArgMatches as _};
@@ -22,13 +20,13 @@ use rigsim_core::effect::catalogue;
 use rigsim_core::noise::Noise;
 use rigsim_settings::nearest;
 
-use crate::args::{GivenArgs, HuntArgs, RunArgs, TimeArg};
+use crate::args::{GivenArgs, HuntArgs, RunArgs, StageArg, TimeArg};
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::scenario_files::{Given, find, load_all};
 use crate::visible;
 
-use player::{Player, digest};
+use player::Player;
 use search::{Hunt, State};
 use space::{Frame, rules_of};
 
@@ -57,11 +55,17 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
         let text = text.with_context(|| visible::name(path));
         rules += &text.map_err(Failure::usage)?;
     }
+    let begins = |stage: &StageArg| matches!(stage, StageArg::Single | StageArg::Random);
+    if !args.stages.is_empty() && !args.stages.iter().any(begins) {
+        return Err(Failure::usage(anyhow!(
+            "--stages: the stage further goes on from schedules of others; add single or random"
+        )));
+    }
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.map_or_else(cores, |threads| threads as usize);
     let shell = |command: &String| ["sh", "-c", command].map(OsString::from).to_vec();
     let reference = args.reference.as_ref().map(shell);
-    let mut summary = report::Summary::default();
+    let mut hunts = Vec::new();
     for (number, job) in jobs.iter().enumerate() {
         let folder = match jobs.len() {
             1 => args.output.clone(),
@@ -71,6 +75,7 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
             Player::new(run_args(args, client)?, &given, &folder, threads)
         };
         let mut hunt = Hunt {
+            devices,
             args,
             job,
             frame: Frame::new(&job.path, &job.scenario.title, &rules),
@@ -83,26 +88,23 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
             noise: Noise::new(args.seed, "hunt"),
             state: State::default(),
         };
-        hunt.begin(devices, identity(args, &job.path, &rules))?;
+        hunt.begin()?;
+        hunts.push(hunt);
+    }
+    // What is wrong with any of it is found before the first search.
+    let mut summary = report::Summary::begin(args)?;
+    for hunt in &mut hunts {
         hunt.search()?;
-        summary.add(devices, &hunt)?;
+        summary.add(hunt)?;
         if hunt.is_enough() {
             break;
         }
     }
-    summary.finish(args.report.as_deref())
-}
-
-/// What a hunt depends on.
-fn identity(args: &HuntArgs, job: &PathBuf, rules: &str) -> u64 {
-    let (client, settings) = (&args.client, &args.settings);
-    let (version, seed) = (env!("CARGO_PKG_VERSION"), args.seed);
-    let mut text = format!("{version} {seed} {job:?} {client:?} {settings:?} {rules}");
-    let words = client.iter().map(PathBuf::from);
-    for path in words.chain([job.clone()]).chain(settings.config.clone()) {
-        text += &format!(" {:x}", digest(&fs::read(path).unwrap_or_default()));
+    let exit = summary.finish()?;
+    for hunt in &mut hunts {
+        hunt.player.end_journal();
     }
-    digest(text.as_bytes())
+    Ok(exit)
 }
 
 /// The flags of `sim run` that play a file of a hunt.

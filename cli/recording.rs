@@ -214,6 +214,25 @@ struct Timed {
 
 /// Plays a recording again up to a time. Its client has closed its ports then.
 pub(crate) fn until(devices: Devices, path: &Path, at: SimTime) -> Result<Run, Failure> {
+    let (mut run, open, is_there) = part(devices, path, at)?;
+    if !is_there || run.finished().is_some() {
+        let (path, now) = (visible::name(path), run.rig().now());
+        let why = anyhow!("--until: {path} ends at {now}; give an earlier time");
+        return Err(Failure::usage(why));
+    }
+    for port in open {
+        run.detach(port, at).map_err(Failure::system)?;
+    }
+    Ok(run)
+}
+
+/// Plays a recording again up to a time. Returns also the ports that its client has open then, and whether
+/// there is more of it.
+pub(crate) fn part(
+    devices: Devices,
+    path: &Path,
+    at: SimTime,
+) -> Result<(Run, BTreeSet<PortId>, bool), Failure> {
     let failed = |error| Failure::usage(anyhow!("{}: {error}", visible::name(path)));
     let mut lines = Lines::open(path)?;
     let mut replay = Replay::begin(devices, lines.first()?).map_err(failed)?;
@@ -240,13 +259,5 @@ pub(crate) fn until(devices: Devices, path: &Path, at: SimTime) -> Result<Run, F
     }
     let mut run = replay.into_run();
     run.advance(at).map_err(Failure::system)?;
-    if !is_there || run.finished().is_some() {
-        let (path, now) = (visible::name(path), run.rig().now());
-        let why = anyhow!("--until: {path} ends at {now}; give an earlier time");
-        return Err(Failure::usage(why));
-    }
-    for port in open {
-        run.detach(port, at).map_err(Failure::system)?;
-    }
-    Ok(run)
+    Ok((run, open, is_there))
 }

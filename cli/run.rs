@@ -34,12 +34,12 @@ use crate::scenario_files::{Given, Loaded, find, load_all};
 use crate::supervise::adopt_orphans;
 use crate::visible;
 
-use campaign::{Plan, Results};
+use campaign::Results;
 use junit::Junit;
 use page::Page;
 use view::View;
 
-pub(crate) use campaign::{merge, signature};
+pub(crate) use campaign::{Plan, merge, signature};
 pub(crate) use case::{Case, CaseResult, Played, Verdict};
 pub(crate) use json::verdict as verdict_json;
 pub(crate) use live::NO_PORT_OPENED;

@@ -142,16 +142,136 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
     );
     assert_eq!(three.code(), Some(1));
     assert_eq!(text, folder.read("three/hunt.json"));
-    // A hunt that is over is known from its journal.
-    let journal = folder.read("one/journal.jsonl").lines().count();
-    let resumed = hunt(&folder, &[&kinds[..], &["--output", "one"]].concat());
-    assert_eq!(resumed.code(), Some(1));
-    assert_eq!(text, folder.read("one/hunt.json"));
-    // Only what is always played again is added: twice what was found.
+    // A client that was mended is not answered for by a hunt that is over.
+    assert!(!folder.path().join("one/journal.jsonl").exists());
+}
+
+/// A client that speaks until the port is gone, and what it does then is in a module of its own. It aborts the
+/// hunt at a start of which the number is in a file.
+const ABORTING: &str = r#"
+import os, signal, time, ends
+
+if os.path.exists("abort"):
+    left = int(open("abort").read()) - 1
+    open("abort", "w").write(str(left))
+    if left == 0:
+        os.remove("abort")
+        os.kill(int(open("pid").read()), signal.SIGINT)
+
+port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY)
+for tick in range(20):
+    try:
+        os.write(port, b"\xAA")
+    except OSError:
+        ends.end()
+    time.sleep(0.1)
+"#;
+
+#[test]
+fn a_hunt_that_was_aborted_goes_on_unless_the_client_has_changed() {
+    let folder = Folder::with(&[
+        ("job.toml", JOB),
+        ("client.py", ABORTING),
+        ("ends.py", "def end():\n    raise SystemExit(0)\n"),
+        ("rules.toml", RULES),
+    ]);
+    let kinds = [
+        "--faults",
+        "cable-pulled",
+        "--stages",
+        "single",
+        "--runs",
+        "8",
+        "-j",
+        "1",
+    ];
+    let play = |output| {
+        let all = [&["hunt", "job.toml", "--output", output], &kinds[..]].concat();
+        // A device among its words is no file of the client.
+        let client = ["--", "python3", "client.py", "/dev/zero"];
+        let script = "echo $$ > pid; exec \"$@\"";
+        let sim = command().get_program().to_owned();
+        let mut shell = std::process::Command::new("sh");
+        shell
+            .args(["-c", script, "sh"])
+            .arg(sim)
+            .args(all)
+            .args(client);
+        let output = shell.current_dir(folder.path()).output().unwrap();
+        let err = String::from_utf8(output.stderr).unwrap();
+        (output.status.code(), err)
+    };
+    let lines = || folder.read("out/journal.jsonl").lines().count();
     assert_eq!(
-        folder.read("one/journal.jsonl").lines().count(),
-        journal + 2
+        play("whole"),
+        (
+            Some(0),
+            "job.toml: 1 kinds of faults at 2 moments\n".to_owned()
+        )
     );
+    write(&folder, "abort", "10");
+    let (code, err) = play("out");
+    assert_eq!(code, Some(3), "{err}");
+    assert!(err.contains("lets the same command go on"), "{err}");
+    assert_eq!(lines(), 6);
+    // What it does when the port is gone cannot be seen in the run without faults.
+    write(&folder, "ends.py", "def end():\n    raise SystemExit(3)\n");
+    let (code, err) = play("out");
+    assert_eq!(code, Some(2), "{err}");
+    assert!(err.contains("the client has changed"), "{err}");
+    write(&folder, "abort", "10");
+    assert_eq!(play("out").0, Some(3));
+    assert_eq!(lines(), 6);
+    // Cut within a line.
+    let journal = folder.read("out/journal.jsonl");
+    write(&folder, "out/journal.jsonl", &journal[..journal.len() - 20]);
+    let (code, err) = play("out");
+    assert_eq!(code, Some(1), "{err}");
+    assert_eq!(play("new").0, Some(1));
+    assert_eq!(folder.read("out/hunt.json"), folder.read("new/hunt.json"));
+    assert_ne!(folder.read("out/hunt.json"), folder.read("whole/hunt.json"));
+}
+
+#[test]
+fn files_of_others_stay() {
+    let folder = folder();
+    let hunt = |more: &[&str]| {
+        let all = ["--faults", "lock", "--runs", "64", "--fail-fast"];
+        hunt(
+            &folder,
+            &[&all[..], &["--set", "r150.over_rate=silent"], more].concat(),
+        )
+    };
+    write(&folder, "page.html", "mine");
+    let page = hunt(&["--report", "page.html"]);
+    page.expect_refusal(2, &["page.html", "no earlier run"]);
+    assert!(!folder.path().join("hunt").exists());
+    std::fs::create_dir(folder.path().join("hunt")).unwrap();
+    let link = folder.path().join("hunt/hunt.json");
+    std::os::unix::fs::symlink("../page.html", &link).unwrap();
+    hunt(&[]).expect_refusal(2, &["hunt.json", "symbolic link"]);
+    std::fs::remove_file(link).unwrap();
+    write(&folder, "hunt/journal.jsonl", "");
+    let journal = std::fs::File::open(folder.path().join("hunt/journal.jsonl")).unwrap();
+    journal.lock().unwrap();
+    hunt(&[]).expect_refusal(2, &["journal.jsonl", "another simulator is using"]);
+    drop(journal);
+    let name = "hunt/it-drives-although-it-is-locked-never-mode-locked-firmware-m";
+    let [first, second] = [1, 2].map(|number| format!("{name}-{number}.toml"));
+    write(&folder, &first, "mine");
+    let found = hunt(&[]);
+    assert_eq!(found.code(), Some(1), "{}", found.err);
+    assert_eq!(folder.read(&first), "mine");
+    let again = format!(
+        "# Play it again: sim run --seed 1 --set 'r150.over_rate=silent' {second} -- python3 client.py\n"
+    );
+    let written = folder.read(&second);
+    assert!(written.contains(&again), "{again}\n{written}");
+    // One of an earlier hunt is replaced.
+    assert_eq!(hunt(&[]).code(), Some(1));
+    assert!(folder.read(&second).contains(&again));
+    assert!(!folder.path().join(format!("{name}-3.toml")).exists());
+    assert_eq!(folder.read("page.html"), "mine");
 }
 
 #[test]
@@ -238,7 +358,11 @@ fn several_jobs_are_searched_and_a_reference_is_played_too() {
 fn a_fault_that_a_device_cannot_have_is_left_out() {
     let folder = folder();
     write(&folder, "car.toml", CAR);
-    write(&folder, "rules.toml", "");
+    write(
+        &folder,
+        "rules.toml",
+        "[[never]]\nthat = \"truth.speed_mps > 9\"\n",
+    );
     write(
         &folder,
         "client.py",
@@ -278,5 +402,10 @@ fn what_cannot_be_searched_is_refused() {
     unknown.expect_refusal(2, &["no fault or action gremlins", "sim faults"]);
     let misspelt = hunt(&folder, &["--faults", "lock,supply-sags"]);
     misspelt.expect_refusal(2, &["did you mean supply-sag?"]);
+    write(&folder, "none.toml", "title = \"None\"\n");
+    let none = hunt(&folder, &["--rules", "none.toml"]);
+    none.expect_refusal(2, &["none.toml", "no rule of its own"]);
+    let second = hunt(&folder, &["--stages", "further"]);
+    second.expect_refusal(2, &["add single or random"]);
     assert!(!folder.path().join("hunt").exists());
 }

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """The bench of `sim hunt`: how many runs it takes to find the bugs of bugs.toml.
 
-    benches/hunt/bench.py SIM [--half development|held-out|all] [--seeds N] [--runs N] [--stages STAGES] [NAME...]
+    benches/hunt/bench.py SIM [NAME...] [--half development|held-out|all] [--seeds N] [--runs N] [--stages STAGES]
 
 Needs a C compiler. Every bug is seeded in a client that is careful otherwise, and that client is the reference: a
 finding counts where the client with the bug breaks a rule that the one without it keeps. `--stages random` is
-the baseline: random schedules of the same space. Prints a line for each bug and seed, and a table by class.
+the baseline: random schedules of the same space. Prints a line for each bug and seed, and a table by class. Every bug
+is hunted with one seed before any with the next; after `--minutes` no hunt begins, and the table is of those before.
 """
 import argparse
 import json
@@ -13,6 +14,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -31,7 +33,9 @@ def fits(kinds, noted):
 
 
 def hunt(options, folder, bug, seed):
-    """Hunts one bug; returns the run of its finding or None, and whether the finding is as small as noted."""
+    """Hunts one bug in time; returns the run of its finding or None, and whether that is as small as noted."""
+    if time.monotonic() > options.until:
+        return None
     client, output = folder / bug["client"], folder / f"{bug['client']}-{bug['name']}-{seed}"
     command = [options.sim, "hunt", "--runs", str(options.runs), "--seed", str(seed), "-j", "1", "--fail-fast"]
     command += ["--shrink-runs", str(options.shrink_runs), "--reference", f"exec {client} none", "--output", output]
@@ -61,9 +65,11 @@ def main():
     parser.add_argument("--runs", type=int, default=2000)
     parser.add_argument("--shrink-runs", type=int, default=300)
     parser.add_argument("--stages")
+    parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--at-once", type=int, default=2)
     options = parser.parse_args()
     options.sim = options.sim.resolve()
+    options.until = time.monotonic() + 60 * options.minutes
     bugs = tomllib.loads((HERE / "bugs.toml").read_text())["bug"]
     bugs = [bug for bug in bugs if options.half == "all" or bug["held_out"] == (options.half == "held-out")]
     bugs = [bug for bug in bugs if not options.names or bug["name"] in options.names]
@@ -71,8 +77,10 @@ def main():
         for client in ("r150", "car"):
             out = ["-o", str(Path(folder, client)), str(HERE / f"{client}.c"), "-lm"]
             subprocess.run(["cc", "-O1", "-Wall", "-Wextra", "-Werror", "-static", *out], check=True)
-        cases = [(bug, seed) for bug in bugs for seed in range(1, options.seeds + 1)]
+        cases = [(bug, seed) for seed in range(1, options.seeds + 1) for bug in bugs]
         results = list(pool.map(lambda case: hunt(options, Path(folder), *case), cases))
+    cases, results = zip(*[(case, result) for case, result in zip(cases, results) if result])
+    print(f"{len(cases)} of {len(bugs) * options.seeds} hunts")
     print("\n| class | found | runs until found: median (quartiles) | noted minimum |\n|---|---|---|---|")
     for name in ("any", "window", "parameter", "two"):
         own = [result for (bug, _), result in zip(cases, results) if bug["class"] == name]

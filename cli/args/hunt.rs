@@ -32,8 +32,6 @@ Exit codes:
 pub(crate) enum StageArg {
     /// Single faults: every kind once before any kind twice.
     Single,
-    /// Those that came nearest to a rule or were new to the client, by halving.
-    Refined,
     /// Further faults while the client reacts to those before.
     Further,
     /// Random schedules.

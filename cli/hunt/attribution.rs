@@ -4,19 +4,20 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use rigsim_core::SimTime;
+use rigsim_core::device::Devices;
 use rigsim_core::device::host::Message;
-use rigsim_core::line::{ClientLine, Wire};
 use rigsim_core::rig::PortId;
 use rigsim_runner::Outcome;
 use rigsim_runner::trace::Record;
-use rigsim_runner::{Run, RunError, RunOptions};
+use rigsim_runner::{Run, RunError};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::exit::Failure;
-use crate::scenario_files::Loaded;
+use crate::recording;
+use crate::run::Case;
 
-use super::player::keys;
+use super::player::{keys, records};
 use super::space::step_name;
 
 /// Time between two stops of the ideal operator.
@@ -31,36 +32,31 @@ enum Then {
     Silence,
 }
 
-/// Returns whether both an ideal operator and silence break the rule, so that it is attributed to no client.
+/// Returns whether both an ideal operator and silence break the rule of the key in a case that was played, so
+/// that it is attributed to no client.
 ///
 /// # Errors
 /// When the simulation cannot go on.
 pub(super) fn is_unavoidable(
-    loaded: &Loaded,
-    records: &[Record],
+    devices: Devices,
+    case: &Case<'_>,
     faults: usize,
-    seed: u64,
     key: &str,
 ) -> Result<bool, Failure> {
+    let records = records(case);
     // The one that begins first, which need not be the first of the schedule.
     let names: Vec<String> = (0..faults).map(step_name).collect();
     let begun = records.iter().find_map(|record| match record {
         Record::Step { t, step, what } if names.contains(step) && what == "begun" => Some(*t),
         _ => None,
     });
-    let Some(begun) = begun else {
+    let Some(begun) = begun.map(SimTime::from_nanos) else {
         return Ok(false);
     };
+    let trace = case.recording().unwrap_or_default();
     for then in [Then::Silence, Then::Stops] {
-        let options = RunOptions {
-            seed,
-            wire: Wire::Paced,
-            live: true,
-            trace: false,
-        };
-        let mut run = loaded.run(options)?;
-        run.follow_bytes();
-        let outcome = play(&mut run, records, begun, then).map_err(Failure::system)?;
+        let (mut run, open, _) = recording::part(devices, &trace, begun)?;
+        let outcome = go_on(&mut run, open, &records, then).map_err(Failure::system)?;
         if !keys(&outcome).contains_key(key) {
             return Ok(false);
         }
@@ -68,32 +64,15 @@ pub(super) fn is_unavoidable(
     Ok(true)
 }
 
-fn play(run: &mut Run, records: &[Record], begun: u64, then: Then) -> Result<Outcome, RunError> {
-    let mut open = BTreeSet::new();
-    let mut lines: Vec<(PortId, ClientLine)> = Vec::new();
-    for record in records {
-        match record {
-            Record::Attach { t, port } if *t <= begun => {
-                open.insert(PortId::from(*port));
-                run.attach((*port).into(), SimTime::from_nanos(*t))?;
-            }
-            Record::Detach { t, port } if *t <= begun => {
-                open.remove(&PortId::from(*port));
-                run.detach((*port).into(), SimTime::from_nanos(*t))?;
-            }
-            Record::In { t, port, bytes } if *t <= begun => {
-                run.send((*port).into(), SimTime::from_nanos(*t), &bytes.0)?;
-            }
-            Record::Line { t, port, line } if *t <= begun => {
-                run.advance(SimTime::from_nanos(*t))?;
-                run.set_line((*port).into(), *line);
-                lines.push(((*port).into(), *line));
-            }
-            _ => {}
-        }
-    }
+fn go_on(
+    run: &mut Run,
+    mut open: BTreeSet<PortId>,
+    records: &[Record],
+    then: Then,
+) -> Result<Outcome, RunError> {
     let stops = stops(run);
-    let mut now = SimTime::from_nanos(begun);
+    let mut now = run.rig().now();
+    let begun = now.as_nanos();
     while run.finished().is_none() {
         run.advance(now)?;
         for port in run.ports().to_vec() {
@@ -103,9 +82,14 @@ fn play(run: &mut Run, records: &[Record], begun: u64, then: Then) -> Result<Out
                 run.detach(port, now)?;
             } else if !pulled && then == Then::Stops && open.insert(port) {
                 run.attach(port, now)?;
-                let last = lines.iter().rev().find(|(of, _)| *of == port);
-                if let Some((_, line)) = last {
-                    run.set_line(port, *line);
+                let last = records.iter().rev().find_map(|record| match record {
+                    Record::Line { t, port: of, line } if *t <= begun => {
+                        (PortId::from(*of) == port).then_some(*line)
+                    }
+                    _ => None,
+                });
+                if let Some(line) = last {
+                    run.set_line(port, line);
                 }
             }
         }
@@ -140,13 +124,11 @@ fn stops(run: &Run) -> Vec<(PortId, Message)> {
                 (plan.device.host.read)(&value, settings).ok()
             };
             // What has a default keeps it: it may say that a motion takes the place of others.
-            let mut needed = names.clone();
-            for name in &names {
-                let without: Vec<&str> = needed.iter().copied().filter(|one| one != name).collect();
-                if read(&without).is_some() {
-                    needed = without;
-                }
-            }
+            let is_needed = |name: &&str| {
+                let others = names.iter().copied().filter(|other| other != name);
+                read(&others.collect::<Vec<_>>()).is_none()
+            };
+            let needed: Vec<&str> = names.iter().copied().filter(is_needed).collect();
             if let Some(message) = read(&needed) {
                 let link = message.link;
                 stops.push((PortId { device, link }, message));

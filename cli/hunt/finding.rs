@@ -1,18 +1,16 @@
 //! Findings: attributed to the client, made smaller while they break the same rule, and written.
 
-use std::fs;
+use std::path::PathBuf;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use maud::Markup;
-use rigsim_core::device::Devices;
 
 use crate::exit::Failure;
-use crate::print::complain;
+use crate::print::{OutputFile, complain};
 use crate::run::case_in_full;
 use crate::visible;
 
 use super::attribution;
-use super::player::records;
 use super::search::{Found, Hunt};
 use super::space::{FOR_GOOD, Fault, Form, Kind, Trigger, duration, step_name};
 
@@ -22,6 +20,10 @@ const AT_ONCE: usize = 8;
 const MOST_NAME: usize = 60;
 /// Most files of one rule.
 const MOST_OF_RULE: usize = 3;
+/// Most files of names that begin with the same words.
+const MOST_PLACES: usize = 100;
+/// How the file of a finding begins, which may be replaced.
+const MARK: &str = "# Found by sim hunt in run ";
 /// Seeds with which a finding is played.
 pub(super) const SEEDS: u64 = 20;
 /// How a client's end with a code begins. It may give up so where a fault lasts longer than this, in ms.
@@ -81,11 +83,7 @@ impl Hunt<'_> {
             reference_fails: self.reference_fails(&self.frame.document(&schedule), key)?,
             schedule,
         };
-        // Different rules may have the same words in a name.
-        let same = |found: &&Found| slug(&found.rule) == slug(key);
-        let place = 1 + self.state.found.iter().filter(same).count();
-        let file = format!("{}-{place}.toml", slug(key));
-        self.write(&mut found, file, is_cut)?;
+        self.write(&mut found, is_cut)?;
         self.state.found.push(found);
         Ok(())
     }
@@ -104,9 +102,8 @@ impl Hunt<'_> {
         if OWN.iter().any(|own| key.starts_with(own)) {
             return Ok(false);
         }
-        let (count, seed) = (schedule.len(), self.player.seed);
         self.player.trace(&text, |case, _, _| {
-            attribution::is_unavoidable(case.loaded, &records(case), count, seed, key)
+            attribution::is_unavoidable(self.devices, case, schedule.len(), key)
         })
     }
 
@@ -256,7 +253,7 @@ impl Hunt<'_> {
     }
 
     /// Writes a finding if two runs of it are the same.
-    fn write(&mut self, found: &mut Found, file: String, is_cut: bool) -> Result<(), Failure> {
+    fn write(&mut self, found: &mut Found, is_cut: bool) -> Result<(), Failure> {
         let (key, seed) = (&found.rule, self.player.seed);
         let plain = self.frame.document(&found.schedule);
         let first = self.player.play_again(&plain)?;
@@ -280,8 +277,12 @@ impl Hunt<'_> {
         } else {
             ""
         };
+        let folder = &self.player.folder;
+        let (name, path, file) = self.place(key)?;
+        let command = self.player.command(&plain, &path)?;
         let mut head = format!(
-            "# Found by sim hunt in run {run}, made smaller in {shrink_runs} runs{cut}.\n\
+            "{MARK}{run}, made smaller in {shrink_runs} runs{cut}.\n\
+             # Play it again: {command}\n\
              # Fails with {seeds} of {SEEDS} seeds from {seed} on.\n"
         );
         for (index, by) in found.window_ms.iter().enumerate() {
@@ -297,24 +298,39 @@ impl Hunt<'_> {
         let words = found.faults.join("; ");
         let title = format!("{} breaks a rule", ids(&found.schedule).join(" and "));
         let about = (title.as_str(), &*format!("{words}. Then {key}."));
-        let folder = &self.player.folder;
-        let path = folder.join(&file);
-        fs::write(
-            &path,
-            self.frame.finding(&found.schedule, &head, about, folder),
-        )
-        .with_context(|| format!("cannot write {}", visible::name(&path)))
-        .map_err(Failure::usage)?;
+        file.write(&self.frame.finding(&found.schedule, &head, about, folder))?;
         complain(&format!("  {}: {words}", visible::name(&path)));
-        found.file = Some(file);
+        found.file = Some(name);
         Ok(())
     }
 
+    /// A file for a finding. Those of this hunt and of other programs keep their names, and different rules may
+    /// have the same words in a name.
+    fn place(&self, key: &str) -> Result<(String, PathBuf, OutputFile), Failure> {
+        let is_taken = |name: &String| {
+            let mut found = self.state.found.iter();
+            found.any(|found| found.file.as_ref() == Some(name))
+        };
+        let names = (1..=MOST_PLACES).map(|place| format!("{}-{place}.toml", slug(key)));
+        let places = names.filter(|name| !is_taken(name)).map(|name| {
+            let path = self.player.folder.join(&name);
+            OutputFile::find(&path, &[MARK]).map(|file| (name, path, file))
+        });
+        let mut refusal = anyhow!("there is no name left for a finding");
+        for place in places {
+            match place {
+                Ok(place) => return Ok(place),
+                Err(failure) => refusal = failure.error,
+            }
+        }
+        Err(Failure::system(refusal))
+    }
+
     /// The run of a finding, as a report of `sim run` shows it.
-    pub(super) fn picture(&self, devices: Devices, found: &Found) -> Result<Markup, Failure> {
+    pub(super) fn picture(&self, found: &Found) -> Result<Markup, Failure> {
         let text = self.frame.document(&found.schedule);
         self.player.trace(&text, |case, result, stop| {
-            let shown = case_in_full(devices, case, result, stop);
+            let shown = case_in_full(self.devices, case, result, stop);
             shown.ok_or_else(|| Failure::system(anyhow!("a finding could not be played again")))
         })
     }

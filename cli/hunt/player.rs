@@ -3,21 +3,22 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::hash::Hasher as _;
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, anyhow};
+use rigsim_pty::paths::Results;
 use rigsim_runner::Outcome;
 use rigsim_runner::run::{FailureKind, Margin};
 use rigsim_runner::trace::Record;
 use serde::{Deserialize, Serialize};
 use siphasher::sip::SipHasher13;
 
-use crate::args::RunArgs;
+use crate::args::{RunArgs, Shard};
 use crate::exit::Failure;
-use crate::run::{Case, CaseResult, Verdict, play_quietly, signature, stop_by_signals};
+use crate::run::{Case, CaseResult, Plan, Verdict, play_quietly, signature, stop_by_signals};
 use crate::scenario_files::{Given, Loaded, load_text};
 use crate::visible;
 
@@ -29,6 +30,8 @@ const MOST_REACTIONS: usize = 8;
 const MOST_FAULTS: usize = 4;
 /// Most transitions that tell how a client reacted.
 const MOST_TRANSITIONS: usize = 64;
+/// Runs of a journal that are played again, since what the client consists of is not known.
+const CHECKS: usize = 8;
 /// Bytes by which messages with other values are known as of one kind.
 const MOST_HEAD: usize = 4;
 
@@ -93,8 +96,11 @@ pub(super) struct Player<'a> {
     threads: usize,
     pub(super) seed: u64,
     journal: Option<File>,
-    /// Runs that are known, by their files and seeds.
+    /// Runs that were played, by their files and seeds, and those of the journal.
     known: BTreeMap<u64, Seen>,
+    journaled: BTreeMap<u64, Seen>,
+    /// How many of those are still played again, as a check of the journal.
+    checks: usize,
     usual: Vec<Act>,
     words: BTreeSet<u64>,
     /// Runs that were asked for, known ones included, so that a resumed hunt counts the same.
@@ -119,29 +125,57 @@ impl<'a> Player<'a> {
             threads,
             journal: None,
             known: BTreeMap::new(),
+            journaled: BTreeMap::new(),
+            checks: CHECKS,
             usual: Vec::new(),
             words: BTreeSet::new(),
             asked: 0,
         })
     }
 
-    /// Makes the folder, and goes on with the journal in it if it is one of the same hunt.
-    pub(super) fn keep_journal(&mut self, hunt: u64) -> Result<(), Failure> {
-        let path = self.folder.join("journal.jsonl");
-        let head = format!("{{\"hunt\":\"{hunt:016x}\"}}");
-        self.known = read_journal(&path, &head);
-        let open = || {
-            fs::create_dir_all(&self.folder)?;
-            let mut journal = File::options().create(true).append(true).open(&path)?;
-            if self.known.is_empty() {
-                journal.set_len(0)?;
-                writeln!(journal, "{head}")?;
-            }
-            Ok::<_, std::io::Error>(journal)
-        };
-        let journal = open().with_context(|| format!("cannot write {}", visible::name(&path)));
-        self.journal = Some(journal.map_err(Failure::usage)?);
+    /// Begins a journal, or goes on with the one in the folder if it is of the same hunt. No other hunt
+    /// can use the folder until this one ends.
+    pub(super) fn keep_journal(&mut self, text: &str, usual: &Seen) -> Result<(), Failure> {
+        let path = self.journal_path();
+        let identity = self.identity(text, usual)?;
+        let head = format!("{{\"hunt\":\"{identity:016x}\"}}\n");
+        let cannot = || format!("cannot keep the journal {}", visible::name(&path));
+        let journal = Results::at(&path, &["{\"hunt\":\""]).and_then(Results::into_log);
+        let mut journal = journal.with_context(cannot).map_err(Failure::usage)?;
+        let (whole, runs) = read_journal(&journal, &head);
+        self.journaled = runs;
+        let begun = journal.set_len(whole).and_then(|()| match whole {
+            0 => journal.write_all(head.as_bytes()),
+            _ => Ok(()),
+        });
+        begun.with_context(cannot).map_err(Failure::usage)?;
+        self.journal = Some(journal);
         Ok(())
+    }
+
+    /// Removes the journal of a hunt that is over: it would answer for a client that was changed since.
+    pub(super) fn end_journal(&mut self) {
+        if self.journal.take().is_some() {
+            let _ = fs::remove_file(self.journal_path());
+        }
+    }
+
+    fn journal_path(&self) -> PathBuf {
+        self.folder.join("journal.jsonl")
+    }
+
+    /// What a run depends on beside its schedule: the job as this file is based on it, the words of the
+    /// client and those that are files, the simulator, and what both did without faults.
+    fn identity(&self, text: &str, usual: &Seen) -> Result<u64, Failure> {
+        let loaded = self.load(text)?;
+        let case = Case::new(&self.args, &loaded, 0, self.seed);
+        let plan = Plan::new(Shard::WHOLE, &[[case.clone(), case]])?;
+        let plan = serde_json::to_string(&plan).map_err(Failure::system)?;
+        let program = std::env::current_exe().and_then(fs::metadata);
+        let program = program.map_err(Failure::system)?;
+        let built = (program.len(), program.modified().ok());
+        let all = format!("{plan} {built:?} {}", usual.trace);
+        Ok(digest(all.as_bytes()))
     }
 
     /// Reads a file.
@@ -151,6 +185,13 @@ impl<'a> Player<'a> {
     pub(super) fn load(&self, text: &str) -> Result<Loaded, Failure> {
         let name = format!("hunt-{:016x}.toml", digest(text.as_bytes()));
         load_text(&self.folder.join(name), text, self.given)
+    }
+
+    /// The command that plays a file again as it is played here, when it is at this path.
+    pub(super) fn command(&self, text: &str, path: &Path) -> Result<String, Failure> {
+        let mut loaded = self.load(text)?;
+        path.clone_into(&mut loaded.path);
+        Ok(Case::new(&self.args, &loaded, 0, self.seed).command())
     }
 
     /// Plays files with the seed of the hunt; results are in the order of the files.
@@ -183,6 +224,13 @@ impl<'a> Player<'a> {
         for ((text, seed), run) in all.iter().zip(&runs) {
             if (!again && self.known.contains_key(run)) || !taken.insert(*run) {
                 continue;
+            }
+            if let Some(seen) = self.journaled.get(run).filter(|_| !again) {
+                if self.checks == 0 || !seen.hits() {
+                    self.known.insert(*run, seen.clone());
+                    continue;
+                }
+                self.checks -= 1;
             }
             match self.load(text) {
                 Ok(loaded) => {
@@ -231,7 +279,12 @@ impl<'a> Player<'a> {
             seen.trace = played.trace.unwrap_or_default();
             // All of it goes with the hunt.
             let _ = fs::remove_dir_all(folder);
-            if let Some(journal) = &mut self.journal {
+            if let Some(before) = self.journaled.get(run) {
+                let has_verdict = seen.error.is_none() && before.error.is_none();
+                if has_verdict && before.trace != seen.trace {
+                    return Err(self.forget());
+                }
+            } else if let Some(journal) = &mut self.journal {
                 let line = serde_json::to_string(&(run, &seen)).map_err(Failure::system)?;
                 let written = writeln!(journal, "{line}").context("cannot write the journal");
                 written.map_err(Failure::system)?;
@@ -239,6 +292,19 @@ impl<'a> Player<'a> {
             self.known.insert(*run, seen);
         }
         Ok(runs.iter().map(|run| self.known[run].clone()).collect())
+    }
+
+    /// Empties a journal that is of another client.
+    fn forget(&self) -> Failure {
+        let emptied = self.journal.as_ref().map(|journal| journal.set_len(0));
+        let path = visible::name(&self.journal_path());
+        match emptied {
+            Some(Err(error)) => Failure::system(anyhow!(error).context(path)),
+            _ => Failure::usage(anyhow!(
+                "the client has changed since {path} was written, which is emptied now; the same command \
+                 searches from the beginning"
+            )),
+        }
     }
 
     /// Plays one and keeps its trace, which is read by `read`.
@@ -320,17 +386,29 @@ impl<'a> Player<'a> {
     }
 }
 
-/// The runs in a journal; none if it is one of another hunt. What comes behind a torn line is lost.
-fn read_journal(path: &Path, head: &str) -> BTreeMap<u64, Seen> {
-    let Ok(file) = File::open(path) else {
-        return BTreeMap::new();
-    };
-    let mut lines = BufReader::new(file).lines().map_while(Result::ok);
-    if lines.next().is_none_or(|line| line != head) {
-        return BTreeMap::new();
+/// The runs in a journal, and the length of what is whole; none if it is one of another hunt.
+fn read_journal(journal: &File, head: &str) -> (u64, BTreeMap<u64, Seen>) {
+    let mut journal = journal;
+    if journal.rewind().is_err() {
+        return (0, BTreeMap::new());
     }
-    let entries = lines.map_while(|line| serde_json::from_str(&line).ok());
-    entries.collect()
+    let mut text = BufReader::new(journal);
+    let (mut whole, mut runs) = (0, BTreeMap::new());
+    let mut line = String::new();
+    while let Ok(length) = text.read_line(&mut line) {
+        if whole == 0 && line != head || length == 0 || !line.ends_with('\n') {
+            break;
+        }
+        if whole > 0 {
+            let Ok((run, seen)) = serde_json::from_str(&line) else {
+                break;
+            };
+            runs.insert(run, seen);
+        }
+        whole += length as u64;
+        line.clear();
+    }
+    (whole, runs)
 }
 
 pub(super) fn digest(bytes: &[u8]) -> u64 {

@@ -1,14 +1,11 @@
 //! What a hunt says: the summary, `hunt.json` and the page.
 
-use std::fs;
 use std::path::Path;
 
-use anyhow::Context as _;
 use maud::{Markup, html};
-use rigsim_core::device::Devices;
 use serde_json::{Value, json};
 
-use crate::args::StageArg;
+use crate::args::{HuntArgs, StageArg};
 use crate::exit::{Exit, Failure};
 use crate::print::{OutputFile, print};
 use crate::run::{REPORT_MARKS, report_page};
@@ -18,9 +15,14 @@ use super::finding::SEEDS;
 use super::search::{Hunt, Tried};
 use super::space::duration;
 
+/// By these a `hunt.json` is known, which may be replaced.
+const RESULT_MARKS: &[&str] = &["{\n  \"jobs\": [\n    {\n      \"findings\": ["];
+
 /// What all jobs of a hunt came to.
-#[derive(Default)]
 pub(super) struct Summary {
+    /// `hunt.json`, and the page if there is to be one.
+    results: OutputFile,
+    report: Option<OutputFile>,
     jobs: Vec<Value>,
     pages: Vec<Markup>,
     lines: Vec<String>,
@@ -28,8 +30,30 @@ pub(super) struct Summary {
 }
 
 impl Summary {
+    /// Makes sure that all can be written later on. Former ones are emptied, so that they are not taken for
+    /// those of this hunt if it is aborted.
+    pub(super) fn begin(args: &HuntArgs) -> Result<Self, Failure> {
+        let begin = |path: &Path, marks| {
+            let file = OutputFile::find(path, marks)?;
+            if !file.is_stream() {
+                file.write("")
+                    .map_err(|failure| Failure::usage(failure.error))?;
+            }
+            Ok(file)
+        };
+        let report = args.report.as_deref();
+        Ok(Self {
+            report: report.map(|path| begin(path, REPORT_MARKS)).transpose()?,
+            results: begin(&args.output.join("hunt.json"), RESULT_MARKS)?,
+            jobs: Vec::new(),
+            pages: Vec::new(),
+            lines: Vec::new(),
+            found: 0,
+        })
+    }
+
     /// The search of a job is over.
-    pub(super) fn add(&mut self, devices: Devices, hunt: &Hunt<'_>) -> Result<(), Failure> {
+    pub(super) fn add(&mut self, hunt: &Hunt<'_>) -> Result<(), Failure> {
         let state = &hunt.state;
         let moments = state.moments.iter();
         let moments =
@@ -54,8 +78,8 @@ impl Summary {
             "moments": moments.collect::<Vec<_>>(),
             "tried": tried.collect::<Vec<_>>(),
         }));
-        if hunt.args.report.is_some() {
-            self.pages.push(page_of(devices, hunt)?);
+        if self.report.is_some() {
+            self.pages.push(page_of(hunt)?);
         }
         self.found += state
             .found
@@ -63,18 +87,16 @@ impl Summary {
             .filter(|found| found.file.is_some())
             .count();
         self.lines.push(text_of(hunt));
-        let path = hunt.args.output.join("hunt.json");
-        fs::write(&path, format!("{:#}\n", json!({ "jobs": self.jobs })))
-            .with_context(|| format!("cannot write {}", visible::name(&path)))
-            .map_err(Failure::usage)
+        self.results
+            .write(&format!("{:#}\n", json!({ "jobs": self.jobs })))
     }
 
     /// Prints all, and writes the page.
-    pub(super) fn finish(self, report: Option<&Path>) -> Result<Exit, Failure> {
-        if let Some(path) = report {
+    pub(super) fn finish(self) -> Result<Exit, Failure> {
+        if let Some(report) = &self.report {
             let body = html! { @for page in &self.pages { (page) } };
             let page = report_page(&format!("{} found", self.found), &[], &body);
-            OutputFile::find(path, REPORT_MARKS)?.write(&page.into_string())?;
+            report.write(&page.into_string())?;
         }
         print(&self.lines.join("\n"))?;
         Ok(match self.found {
@@ -90,14 +112,13 @@ fn text_of(hunt: &Hunt<'_>) -> String {
     let count = |stage| state.counts.get(&stage).copied().unwrap_or_default();
     let (single, random) = (count(StageArg::Single), count(StageArg::Random));
     let mut text = format!(
-        "{}: {} single faults of {} kinds at {} moments ({} hit nothing); {} refined; {} further faults in {} \
+        "{}: {} single faults of {} kinds at {} moments ({} hit nothing); {} further faults in {} \
          reactions; {} random schedules",
         hunt.job.name(),
         single.runs,
         state.kinds.len(),
         state.moments.len(),
         single.without_hit,
-        count(StageArg::Refined).runs,
         count(StageArg::Further).runs,
         hunt.reactions(),
         random.runs,
@@ -130,9 +151,9 @@ fn text_of(hunt: &Hunt<'_>) -> String {
 }
 
 /// The findings of a job with their pictures, and the map: kinds by moments, coloured by margin.
-fn page_of(devices: Devices, hunt: &Hunt<'_>) -> Result<Markup, Failure> {
+fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
     let state = &hunt.state;
-    let pictures = state.found.iter().map(|found| hunt.picture(devices, found));
+    let pictures = state.found.iter().map(|found| hunt.picture(found));
     let pictures: Vec<Markup> = pictures.collect::<Result<_, _>>()?;
     let has_several = hunt.job.scenario.rig.devices.len() > 1;
     // The smallest margin of single faults that hit something; none if none did.

@@ -1,6 +1,6 @@
 //! The search: stages propose schedules, and one loop plays them.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::anyhow;
 use rigsim_core::SimTime;
@@ -22,19 +22,14 @@ use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, kinds, step_name};
 
 /// Most runs of a round. What is played next depends on whole rounds only.
 const ROUND: u64 = 16;
-/// The stages with their shares of the runs, in percent.
-const STAGES: [(StageArg, u64); 4] = [
+/// The stages with their shares of the runs.
+const STAGES: [(StageArg, u64); 3] = [
     (StageArg::Single, 40),
-    (StageArg::Refined, 15),
     (StageArg::Further, 30),
     (StageArg::Random, 15),
 ];
-/// How often a schedule is refined, each time by half the step.
-const MOST_LEVELS: u32 = 4;
 /// What is proposed may have been played; so often another is asked for.
 const MOST_REPEATS: usize = 20;
-/// A moment that is not beside another one, ms.
-const CLOSE: u64 = 50;
 /// Weight of what has led to nothing new, beside one that always does.
 const LEAST_WEIGHT: f64 = 0.5;
 
@@ -44,8 +39,6 @@ pub(super) struct Planned {
     pub(super) schedule: Vec<Fault>,
     /// Kind, form and moment of a single fault.
     pub(super) cell: Option<(usize, usize, usize)>,
-    /// How often it was refined, and those before that it came from.
-    level: u32,
     /// The class of the reactions that it follows up, and the kind of the last fault.
     follows: Option<(u64, usize)>,
 }
@@ -54,8 +47,6 @@ pub(super) struct Planned {
 pub(super) struct Tried {
     pub(super) planned: Planned,
     pub(super) seen: Seen,
-    /// The client did something that it had not done before.
-    is_new: bool,
 }
 
 /// How often something was tried, and how often that led to something new.
@@ -108,9 +99,6 @@ pub(super) struct State {
     planned: BTreeSet<u64>,
     sent: BTreeSet<u64>,
     columns: Vec<Column>,
-    /// What is left of the last refinement, and which rule is next.
-    neighbours: VecDeque<Planned>,
-    turn: usize,
     /// Schedules whose reactions may be followed up, by the class of the reaction.
     firsts: BTreeMap<u64, (Vec<usize>, Arm)>,
     pub(super) found: Vec<Found>,
@@ -138,6 +126,7 @@ pub(super) struct Found {
 }
 
 pub(super) struct Hunt<'a> {
+    pub(super) devices: Devices,
     pub(super) args: &'a HuntArgs,
     pub(super) job: &'a Loaded,
     pub(super) frame: Frame,
@@ -150,7 +139,7 @@ pub(super) struct Hunt<'a> {
 
 impl Hunt<'_> {
     /// Plays the job twice without faults, finds its moments, and the faults that its devices can have.
-    pub(super) fn begin(&mut self, devices: Devices, identity: u64) -> Result<(), Failure> {
+    pub(super) fn begin(&mut self) -> Result<(), Failure> {
         let usage = |why| Err(Failure::usage(why));
         let text = self.frame.document(&[]);
         if let Err(failure) = self.player.load(&text) {
@@ -175,7 +164,7 @@ impl Hunt<'_> {
         self.player.learn(&text)?;
         let samples = self.player.trace(&text, |case, _, _| {
             let path = case.recording().unwrap_or_default();
-            Ok(recording::view(devices, &path, |run| Ok(Samples::new(run)))?.0)
+            Ok(recording::view(self.devices, &path, |run| Ok(Samples::new(run)))?.0)
         })?;
         let mut all = kinds(&self.job.scenario, &self.args.faults, &samples.sent());
         for kind in &mut all {
@@ -188,7 +177,6 @@ impl Hunt<'_> {
                 "{name} has none of these kinds of faults; `sim faults` lists them"
             ));
         }
-        self.player.keep_journal(identity)?;
         let state = &mut self.state;
         state.sent.insert(first.sent);
         state.usual = first;
@@ -259,6 +247,8 @@ impl Hunt<'_> {
 
     /// Plays rounds of the stages until the budget is spent or nothing is left.
     pub(super) fn search(&mut self) -> Result<(), Failure> {
+        let text = self.frame.document(&[]);
+        self.player.keep_journal(&text, &self.state.usual)?;
         let form = "{bar:30} {pos}/{len} runs, {msg}, {eta} left";
         let bar = progress(self.budget, form);
         let asked = &self.args.stages;
@@ -306,7 +296,6 @@ impl Hunt<'_> {
         while (round.len() as u64) < most && repeats < MOST_REPEATS {
             let next = match stage {
                 StageArg::Single => self.single_fault(),
-                StageArg::Refined => self.refinement(),
                 StageArg::Further => self.further_fault(),
                 StageArg::Random => Some(self.random_schedule()),
             };
@@ -367,11 +356,7 @@ impl Hunt<'_> {
             let (members, _) = state.firsts.entry(seen.class).or_default();
             members.push(state.tried.len());
         }
-        state.tried.push(Tried {
-            planned,
-            seen,
-            is_new,
-        });
+        state.tried.push(Tried { planned, seen });
     }
 
     /// The next single fault of the kind whose turn it is, but for those that cannot hit anything.
@@ -393,51 +378,6 @@ impl Hunt<'_> {
                 return Some(next);
             }
         }
-    }
-
-    /// A step of a search by halving: from the schedule that came nearest to each rule in turn, and from
-    /// those that made the client do something new.
-    fn refinement(&mut self) -> Option<Planned> {
-        let state = &mut self.state;
-        let rules: Vec<(&String, &f64)> = state.usual.margins.iter().collect();
-        for _ in 0..=rules.len() {
-            if !state.neighbours.is_empty() {
-                break;
-            }
-            let rule = rules.get(state.turn % (rules.len() + 1));
-            state.turn += 1;
-            let margin = |tried: &Tried| match rule {
-                None => tried.is_new.then_some(0.0),
-                Some((rule, usual)) => {
-                    let margin = tried.seen.margins.get(*rule)?;
-                    (margin < *usual).then_some(*margin)
-                }
-            };
-            let is_open = |tried: &Tried| {
-                tried.planned.level < MOST_LEVELS
-                    && tried.seen.broken.is_empty()
-                    && tried.seen.hits()
-            };
-            let open = state
-                .tried
-                .iter()
-                .enumerate()
-                .filter(|(_, tried)| is_open(tried));
-            let near = open
-                .filter_map(|(index, tried)| Some((margin(tried)?, tried.planned.level, index)));
-            let nearest = near.min_by(|one, other| {
-                let by_margin = one.0.total_cmp(&other.0);
-                by_margin
-                    .then(one.1.cmp(&other.1))
-                    .then(one.2.cmp(&other.2))
-            });
-            if let Some((.., index)) = nearest {
-                let tried = &mut state.tried[index];
-                tried.planned.level += 1;
-                state.neighbours = neighbours(tried, &state.moments);
-            }
-        }
-        state.neighbours.pop_front()
     }
 
     /// A further fault while the client reacts to those before, or between two things that it does then.
@@ -494,44 +434,6 @@ impl Hunt<'_> {
             ..Planned::default()
         }
     }
-}
-
-/// The same schedule with one of its faults earlier, later, longer or shorter, by a step that is half as
-/// long each time.
-fn neighbours(tried: &Tried, moments: &[Moment]) -> VecDeque<Planned> {
-    let Tried { planned, seen, .. } = tried;
-    let level = planned.level;
-    let mut all = VecDeque::new();
-    for (place, fault) in planned.schedule.iter().enumerate() {
-        let begun = seen.begun[place].unwrap_or_default();
-        let times = moments.iter().map(|moment| moment.at);
-        let before = times.clone().rfind(|at| at + CLOSE < begun);
-        let behind = times.clone().find(|at| *at > begun + CLOSE);
-        let earlier = before.map(|before| begun - ((begun - before) >> level));
-        let later = behind.map(|behind| begun + ((behind - begun) >> level));
-        let moved = earlier.into_iter().chain(later).map(|at| Fault {
-            trigger: Trigger::At(at),
-            ..fault.clone()
-        });
-        // Twice as long, or half as long; then by half as much.
-        let lasts = Some(fault.lasts).filter(|lasts| *lasts != FOR_GOOD);
-        let longer = lasts.map(|lasts| lasts + (lasts >> (level - 1)));
-        let shorter = lasts.map(|lasts| lasts - (lasts >> level));
-        let stretched = longer.into_iter().chain(shorter).map(|lasts| Fault {
-            lasts,
-            ..fault.clone()
-        });
-        for fault in moved.chain(stretched) {
-            let mut schedule = planned.schedule.clone();
-            schedule[place] = fault;
-            all.push_back(Planned {
-                schedule,
-                level,
-                ..Planned::default()
-            });
-        }
-    }
-    all
 }
 
 fn any_of(noise: &mut Noise, kind: &Kind, at: u64) -> Fault {

@@ -4,6 +4,7 @@
 use std::fmt;
 use std::path::{Component, Path, PathBuf};
 
+use anyhow::bail;
 use rigsim_core::device::EffectInfo;
 use rigsim_core::effect;
 use rigsim_runner::Scenario;
@@ -234,20 +235,9 @@ pub(super) fn step_name(index: usize) -> String {
     format!("hunted {}", index + 1)
 }
 
-/// The absolute path without links, also of what is not there yet.
+/// The absolute path without links of what is there.
 fn real(path: &Path) -> PathBuf {
-    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let real = |path: &Path| std::fs::canonicalize(path).ok();
-    let known = absolute
-        .ancestors()
-        .find_map(|above| Some((above, real(above)?)));
-    known.map_or(absolute.clone(), |(above, real)| {
-        match absolute.strip_prefix(above) {
-            Ok(rest) if rest.as_os_str().is_empty() => real,
-            Ok(rest) => real.join(rest),
-            Err(_) => absolute.clone(),
-        }
-    })
+    std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// A path as it is seen from a folder.
@@ -264,9 +254,13 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
 /// The rules and responses of a file, as tables of another one.
 ///
 /// # Errors
-/// When it is no TOML.
-pub(super) fn rules_of(text: &str) -> Result<String, toml::de::Error> {
+/// When it is no TOML, or has none.
+pub(super) fn rules_of(text: &str) -> anyhow::Result<String> {
+    const RULES: [&str; 3] = ["always", "never", "response"];
     let mut table: toml::Table = text.parse()?;
-    table.retain(|key, _| ["always", "never", "response", "parameters"].contains(&key));
+    if !RULES.iter().any(|key| table.contains_key(*key)) {
+        bail!("it has no rule of its own: no [[always]], [[never]] or [[response]]");
+    }
+    table.retain(|key, _| RULES.contains(&key) || key == "parameters");
     Ok(table.to_string())
 }

@@ -94,6 +94,19 @@ impl Results {
     /// # Errors
     /// When something else is there by now, or the system refuses.
     pub fn into_file(self) -> Result<File, PortErrorKind> {
+        let is_stream = self.is_stream();
+        let file = self.into_log()?;
+        if !is_stream {
+            file.set_len(0).map_err(PortErrorKind::io("ftruncate"))?;
+        }
+        Ok(file)
+    }
+
+    /// The same with what is in it, to which more is added.
+    ///
+    /// # Errors
+    /// When something else is there by now, or the system refuses.
+    pub fn into_log(self) -> Result<File, PortErrorKind> {
         let place = match self.to {
             To::Place(place) => place,
             To::Stream(stream) => return Ok(stream),
@@ -111,7 +124,6 @@ impl Results {
         if !has_mark(&file, self.marks) {
             return Err(PortErrorKind::Occupied(place.describe()));
         }
-        file.set_len(0).map_err(PortErrorKind::io("ftruncate"))?;
         Ok(file)
     }
 
