@@ -15,6 +15,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use harness::client::Client;
+use harness::live::Folder;
 use harness::wire::frame;
 use harness::{PATIENCE, Sim, command, json_lines, run, until};
 use rigsim_pty::{Event, Port, PtySetup, Waiter};
@@ -374,5 +375,108 @@ fn delay_beside_a_bare_relay() {
             part(990),
             part(999)
         );
+    }
+}
+
+/// A client that performs a manoeuvre of the plan, and its scenario.
+const DRIVE: &str = r#"
+schema = 1
+title = "A drive"
+good_client = "Performs a part of the plan."
+limit = "20 s"
+device = [{ kind = "r150" }]
+"#;
+const PERFORM: &str = r#"
+import json, os, sys, time
+port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY)
+os.set_blocking(port, False)
+for frame in next(one for one in json.load(open("plan.json")) if one["name"] == sys.argv[1])["frames"]:
+    os.write(port, bytes.fromhex(frame["bytes"]))
+    time.sleep(frame["wait_ms"] / 1e3)
+    try:
+        os.read(port, 4096)
+    except BlockingIOError:
+        pass
+"#;
+/// Settings that the manoeuvres below tell of.
+const TOLD: &str = "r150.reply,r150.version,r150.on_,r150.over_rate,r150.motor_reply";
+
+/// A folder with a plan, and that drives a vehicle with these settings by a manoeuvre of it.
+fn driven(folder: &Folder, manoeuvre: &str, seed: usize, settings: &[&str]) -> String {
+    let plan = folder.sim(&["fit", "--plan", "--json"]).expect_clean().out;
+    std::fs::write(folder.file("plan.json"), plan).unwrap();
+    let (seed, output) = (seed.to_string(), format!("drive-{seed}"));
+    let mut args = vec![
+        "run", "--time", "lockstep", "--seed", &seed, "--output", &output,
+    ];
+    args.extend(settings.iter().flat_map(|one| ["--set", one]));
+    args.extend(["drive.toml", "--", "python3", "perform.py", manoeuvre]);
+    folder.sim(&args).expect_clean();
+    format!("{output}/drive.trace.jsonl")
+}
+
+fn settings(report: &str, verdict: &str) -> Vec<String> {
+    let report: Value = serde_json::from_str(report).unwrap();
+    let all = report["settings"].as_array().unwrap().clone();
+    let some = all.iter().filter(|row| row["verdict"] == verdict);
+    some.map(|row| row["key"].as_str().unwrap().to_owned())
+        .collect()
+}
+
+#[test]
+fn what_differs_is_found_and_explains_the_vehicle() {
+    let folder = Folder::with(&[("drive.toml", DRIVE), ("perform.py", PERFORM)]);
+    let changes = ["r150.version_order=major-low", "r150.reply_delay=4ms"];
+    let trace = driven(&folder, "questions", 3, &changes);
+    let trace = trace.as_str();
+    let compare = ["compare", trace, "--only", TOLD, "--json"];
+    let compared = folder.sim(&compare).expect_clean().out;
+    let changed = ["r150.reply_delay", "r150.version_order"];
+    assert_eq!(settings(&compared, "contradicted"), changed);
+    let fit = ["fit", trace, "--only", TOLD, "--output", "vehicle.toml"];
+    let fitted = folder.sim(&fit).expect_clean().out;
+    assert!(fitted.trim_end().ends_with("(better)"), "{fitted}");
+    let toml = folder.read("vehicle.toml");
+    assert!(toml.contains("\nr150.reply_delay = \"4ms\"\n"), "{toml}");
+    assert!(toml.contains("\nr150.version_order = \"major-low\"\n"));
+    let again = ["--config", "vehicle.toml", "--report", "page.html"];
+    let again = folder.sim(&[&compare[..], &again].concat()).expect_clean();
+    assert_eq!(settings(&again.out, "contradicted"), [""; 0]);
+    let supported = settings(&again.out, "supported");
+    assert!(
+        changed
+            .iter()
+            .all(|key| supported.iter().any(|one| one == key))
+    );
+    assert!(folder.read("page.html").contains("system_info.voltage_48v"));
+    // Its file is no recording, and the page replaces nothing else.
+    let refused = folder.sim(&["compare", "drive.toml"]);
+    refused.expect_refusal(2, &["drive.toml", "no trace"]);
+    let refused = folder.sim(&[&compare[..4], &["--report", "drive.toml"]].concat());
+    refused.expect_refusal(2, &["drive.toml"]);
+}
+
+#[test]
+fn nothing_is_contradicted_over_ten_drives_of_a_vehicle_as_assumed() {
+    let folder = Folder::with(&[("drive.toml", DRIVE), ("perform.py", PERFORM)]);
+    let manoeuvres = ["questions", "malformed frames"];
+    for (seed, manoeuvre) in (0..10).zip(manoeuvres.iter().cycle()) {
+        let trace = driven(&folder, manoeuvre, seed, &[]);
+        let report = ["compare", &trace, "--only", TOLD, "--json"];
+        let report = folder.sim(&report).expect_clean().out;
+        assert_eq!(
+            settings(&report, "contradicted"),
+            [""; 0],
+            "{manoeuvre}, seed {seed}"
+        );
+        assert!(!settings(&report, "supported").is_empty());
+        let report: Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["unexplained"], serde_json::json!([]));
+        for row in report["commands"].as_array().unwrap() {
+            assert_eq!(
+                row["answered"][0], row["answered"][1],
+                "{manoeuvre}, seed {seed}: {row}"
+            );
+        }
     }
 }

@@ -279,7 +279,9 @@ impl Cell {
                         HUBER * (2.0 * z - HUBER)
                     })
                 });
-                each.sum()
+                // However wrong its values are, they are better than no reply or one of another form.
+                let cost: f64 = each.sum();
+                DIFFERENT * cost / (DIFFERENT + cost)
             }
         }
     }

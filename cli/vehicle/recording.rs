@@ -22,8 +22,8 @@ const PATIENCE: u64 = 1_000_000_000;
 /// motion has forgotten it then.
 const SETTLING: u64 = 1_500_000_000;
 /// A reply that is later than the usual one of its command by more than this and ten times their spread
-/// was held up, ns.
-const LATE: f64 = 5e6;
+/// was held up, ns; so was the machine, if it was late by that.
+const LATE: u64 = 5_000_000;
 
 /// A recording, with the vehicle's side of it.
 pub(super) struct Recording {
@@ -208,7 +208,8 @@ impl Recording {
                     continue;
                 }
                 Record::Late { t, by, .. } => {
-                    stalls.push((t.saturating_sub(*by), *t));
+                    let is_stall = *by > LATE;
+                    stalls.extend(is_stall.then(|| (t.saturating_sub(*by), *t)));
                     continue;
                 }
                 Record::Attach { .. }
@@ -328,7 +329,7 @@ impl Recording {
         for (slot, reply) in self.slots.iter().zip(&self.seen) {
             let Some(reply) = reply else { continue };
             let (usual, spread) = middle(&waits[&reply.form]);
-            if (reply.values[0] - usual) * 1e6 > LATE + 10e6 * spread {
+            if (reply.values[0] - usual) * 1e6 > LATE as f64 + 10e6 * spread {
                 stalls.push((slot.at, reply.at));
             }
         }

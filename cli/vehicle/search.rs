@@ -687,6 +687,15 @@ impl<'a> Search<'a> {
             Self::solve(&matrix, &rest, &weights)
         });
         let chance: Vec<DVector<f64>> = chance.collect();
+        // What no setting explains makes all numbers less certain.
+        let (rest, weights) = self.rest(model, &self.vehicle);
+        let left = rest
+            .iter()
+            .zip(&weights)
+            .map(|(rest, weight)| weight * rest * rest);
+        let misfit = (left.sum::<f64>() / rest.len().max(1) as f64)
+            .sqrt()
+            .max(1.0);
         let covariance = match matrix.is_empty() {
             true => None,
             false => matrix.tr_mul(&matrix).pseudo_inverse(1e-12).ok(),
@@ -702,7 +711,7 @@ impl<'a> Search<'a> {
             let least = covariance
                 .as_ref()
                 .map_or(0.0, |all| all[(at, at)].max(0.0).sqrt());
-            let mut half = T99 * sd.max(least) * steps[at].abs();
+            let mut half = T99 * misfit * sd.max(least) * steps[at].abs();
             let value = knob.number_in(&model.settings);
             // It may show only in what is there or is not, or be lost in what the machine explains.
             let fine = (-12..=12).map(|at| value + f64::from(at) * knob.step() / 8.0);

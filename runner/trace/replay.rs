@@ -185,6 +185,9 @@ impl<'o> Replay<'o> {
             replay.record(record.clone())?;
         }
         replay.advance(end)?;
+        // The last bytes of each port are written down then.
+        replay.run.end();
+        replay.take_own()?;
         let streams = replay.streams.into_iter();
         Ok(streams.map(|(port, stream)| (port, stream.now)).collect())
     }
