@@ -62,6 +62,19 @@ impl OutputFile {
         Ok(Self { path, to })
     }
 
+    /// The same, emptied, so that a former one is not taken for this one's if it is aborted.
+    ///
+    /// # Errors
+    /// When it cannot be written, or something else is there.
+    pub(crate) fn begin(path: &Path, marks: &'static [&'static str]) -> Result<Self, Failure> {
+        let file = Self::find(path, marks)?;
+        if !file.to.is_stream() {
+            file.write("")
+                .map_err(|failure| Failure::usage(failure.error))?;
+        }
+        Ok(file)
+    }
+
     /// Writes all of it.
     pub(crate) fn write(&self, text: &str) -> Result<(), Failure> {
         self.to

@@ -209,7 +209,7 @@ fn a_hunt_that_was_aborted_goes_on_unless_the_client_has_changed() {
             "job.toml: 1 kinds of faults at 2 moments\n".to_owned()
         )
     );
-    write(&folder, "abort", "10");
+    write(&folder, "abort", "9");
     let (code, err) = play("out");
     assert_eq!(code, Some(3), "{err}");
     assert!(err.contains("lets the same command go on"), "{err}");
@@ -219,7 +219,7 @@ fn a_hunt_that_was_aborted_goes_on_unless_the_client_has_changed() {
     let (code, err) = play("out");
     assert_eq!(code, Some(2), "{err}");
     assert!(err.contains("the client has changed"), "{err}");
-    write(&folder, "abort", "10");
+    write(&folder, "abort", "9");
     assert_eq!(play("out").0, Some(3));
     assert_eq!(lines(), 6);
     // Cut within a line.

@@ -144,93 +144,80 @@ impl Hunt<'_> {
         }
     }
 
+    /// When the faults of a schedule begin.
+    fn begun(&mut self, schedule: &[Fault]) -> Result<Vec<Option<u64>>, Failure> {
+        let text = self.frame.document(schedule);
+        Ok(self.player.play(&[text])?.remove(0).begun)
+    }
+
     /// Smaller schedules, the smallest first. Each is smaller by an order that has an end: fewer faults,
     /// weaker kinds, milder forms, shorter, a more robust trigger, a rounder time.
     fn candidates(&mut self, schedule: &[Fault]) -> Result<Vec<Vec<Fault>>, Failure> {
-        let begun = self
-            .player
-            .play(&[self.frame.document(schedule)])?
-            .remove(0)
-            .begun;
+        let begun = self.begun(schedule)?;
         let mut all = Vec::new();
         for index in (0..schedule.len()).filter(|_| schedule.len() > 1) {
             let mut fewer = schedule.to_vec();
             fewer.remove(index);
             all.push(fewer);
         }
-        let kinds = &self.state.kinds;
         for (index, fault) in schedule.iter().enumerate() {
-            let mut add = |changed: Fault| {
-                let mut smaller = schedule.to_vec();
-                smaller[index] = changed;
-                all.push(smaller);
-            };
-            let Some(kind) = kinds.iter().find(|kind| kind.is_of(fault)) else {
-                continue;
-            };
-            let ends_itself = |form: &Form| form.lasts == [FOR_GOOD];
-            let like = |form: &Form| match ends_itself(form) {
-                true => FOR_GOOD,
-                false => fault.lasts,
-            };
-            for id in kind.info.weaker {
-                let is_it = |one: &&Kind| one.info.id == *id && one.device == fault.device;
-                for weaker in kinds.iter().filter(is_it) {
-                    for (form, of) in weaker.forms.iter().enumerate() {
-                        add(weaker.fault(form, fault.trigger.clone(), like(of)));
-                    }
-                }
+            for smaller in self.smaller(fault, begun[index]) {
+                let mut changed = schedule.to_vec();
+                changed[index] = smaller;
+                all.push(changed);
             }
-            let milder = kind.forms.iter().rev();
-            for form in milder.take_while(|form| form.action != fault.action) {
-                add(Fault {
-                    action: form.action.clone(),
-                    lasts: like(form),
-                    ..fault.clone()
-                });
+        }
+        Ok(all)
+    }
+
+    fn smaller(&self, fault: &Fault, begun: Option<u64>) -> Vec<Fault> {
+        let kinds = &self.state.kinds;
+        let mut all = Vec::new();
+        let Some(kind) = kinds.iter().find(|kind| kind.is_of(fault)) else {
+            return all;
+        };
+        let same = |form: &Form| form.action == fault.action;
+        let Some(form) = kind.forms.iter().position(same) else {
+            return all;
+        };
+        let ends_itself = |form: &Form| form.lasts == [FOR_GOOD];
+        let with = |kind: &Kind, form: usize| {
+            let ends_itself = ends_itself(&kind.forms[form]);
+            let lasts = if ends_itself { FOR_GOOD } else { fault.lasts };
+            kind.fault(form, fault.trigger.clone(), lasts)
+        };
+        for id in kind.info.weaker {
+            let is_it = |one: &&Kind| one.info.id == *id && one.device == fault.device;
+            for weaker in kinds.iter().filter(is_it) {
+                all.extend((0..weaker.forms.len()).map(|form| with(weaker, form)));
             }
-            let form = kind.forms.iter().find(|form| form.action == fault.action);
-            if !form.is_some_and(ends_itself) {
-                let shorter = SHORTER.into_iter().filter(|lasts| *lasts < fault.lasts);
-                shorter.for_each(|lasts| {
-                    add(Fault {
-                        lasts,
-                        ..fault.clone()
-                    })
-                });
-            }
-            let Trigger::At(at) = fault.trigger else {
-                continue;
-            };
-            let begun = begun[index].unwrap_or(at);
+        }
+        let milder = (form + 1..kind.forms.len()).rev();
+        all.extend(milder.map(|form| with(kind, form)));
+        if !ends_itself(&kind.forms[form]) {
+            let shorter = SHORTER.into_iter().filter(|lasts| *lasts < fault.lasts);
+            all.extend(shorter.map(|lasts| kind.fault(form, fault.trigger.clone(), lasts)));
+        }
+        if let Trigger::At(at) = fault.trigger {
+            let begun = begun.unwrap_or(at);
             let mut near: Vec<_> = self.state.moments.iter().collect();
             near.sort_by_key(|moment| moment.at.abs_diff(begun));
             let near = near.iter().map(|moment| moment.trigger.clone());
-            let robust = near
-                .filter(|trigger| matches!(trigger, Trigger::When(_)))
-                .take(2);
-            let round = ROUND
+            let robust = near.filter(|trigger| matches!(trigger, Trigger::When(_)));
+            let steps = ROUND
                 .into_iter()
                 .take_while(|step| !at.is_multiple_of(*step));
-            let round = round.map(|step| Trigger::At((at + step / 2) / step * step));
-            robust.chain(round).for_each(|trigger| {
-                add(Fault {
-                    trigger,
-                    ..fault.clone()
-                })
-            });
+            let round = steps.map(|step| Trigger::At((at + step / 2) / step * step));
+            let triggers = robust.take(2).chain(round);
+            all.extend(triggers.map(|trigger| kind.fault(form, trigger, fault.lasts)));
         }
-        Ok(all)
+        all
     }
 
     /// How much earlier and later each fault may begin so that the rule is still broken, ms: the last of
     /// the times tried before one at which it is kept.
     fn windows(&mut self, schedule: &[Fault], key: &str) -> Result<Vec<[u64; 2]>, Failure> {
-        let begun = self
-            .player
-            .play(&[self.frame.document(schedule)])?
-            .remove(0)
-            .begun;
+        let begun = self.begun(schedule)?;
         let mut windows = vec![[0; 2]; schedule.len()];
         for (index, window) in windows.iter_mut().enumerate() {
             let begun = begun[index].unwrap_or_default();

@@ -178,34 +178,32 @@ impl Samples {
 
     fn moment(&self, row: usize) -> Moment {
         let at = self.times[row];
-        let mut best = (usize::MAX, Trigger::At(at));
-        for (column, probe) in self.probes.iter().enumerate() {
-            let (rank, name) = (self.ranks[column], &probe.name);
-            let value = self.values[row][column];
-            let begin = self.values[0][column];
-            let (condition, holds): (String, Box<dyn Fn(f64) -> bool>) = match rank {
-                STATE if value != begin => {
-                    let not = if value == 0.0 { "!" } else { "" };
-                    let holds = move |found| found == value;
-                    (format!("{not}{name}"), Box::new(holds))
-                }
-                COUNT | DISTANCE if value > 0.05 => {
-                    let least = (value * 100.0).floor() / 100.0;
-                    let holds = move |found| found >= least;
-                    (format!("{name} >= {least}"), Box::new(holds))
-                }
-                _ => continue,
-            };
-            let first = self.values.iter().position(|values| holds(values[column]));
-            let is_close = first.is_some_and(|first| self.times[first].abs_diff(at) < CLOSE);
-            if rank < best.0 && is_close {
-                best = (rank, Trigger::When(condition));
-            }
-        }
-        Moment {
-            at,
-            trigger: best.1,
-        }
+        let conditions = self
+            .probes
+            .iter()
+            .enumerate()
+            .filter_map(|(column, probe)| {
+                let (rank, name) = (self.ranks[column], &probe.name);
+                let value = self.values[row][column];
+                let least = (value * 100.0).floor() / 100.0;
+                let (has_changed, condition) = match rank {
+                    STATE => {
+                        let not = if value == 0.0 { "!" } else { "" };
+                        (value != self.values[0][column], format!("{not}{name}"))
+                    }
+                    _ => (value > 0.05, format!("{name} >= {least}")),
+                };
+                let holds = |values: &Vec<f64>| match rank {
+                    STATE => values[column] == value,
+                    _ => values[column] >= least,
+                };
+                let first = self.values.iter().position(holds)?;
+                let is_close = self.times[first].abs_diff(at) < CLOSE;
+                (has_changed && is_close).then_some((rank, condition))
+            });
+        let best = conditions.min_by_key(|(rank, _)| *rank);
+        let trigger = best.map_or(Trigger::At(at), |(_, condition)| Trigger::When(condition));
+        Moment { at, trigger }
     }
 }
 

@@ -1,7 +1,5 @@
 //! What a hunt says: the summary, `hunt.json` and the page.
 
-use std::path::Path;
-
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
@@ -30,21 +28,13 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// Makes sure that all can be written later on. Former ones are emptied, so that they are not taken for
-    /// those of this hunt if it is aborted.
+    /// Makes sure that all can be written later on.
     pub(super) fn begin(args: &HuntArgs) -> Result<Self, Failure> {
-        let begin = |path: &Path, marks| {
-            let file = OutputFile::find(path, marks)?;
-            if !file.is_stream() {
-                file.write("")
-                    .map_err(|failure| Failure::usage(failure.error))?;
-            }
-            Ok(file)
-        };
         let report = args.report.as_deref();
+        let report = report.map(|path| OutputFile::begin(path, REPORT_MARKS));
         Ok(Self {
-            report: report.map(|path| begin(path, REPORT_MARKS)).transpose()?,
-            results: begin(&args.output.join("hunt.json"), RESULT_MARKS)?,
+            report: report.transpose()?,
+            results: OutputFile::begin(&args.output.join("hunt.json"), RESULT_MARKS)?,
             jobs: Vec::new(),
             pages: Vec::new(),
             lines: Vec::new(),

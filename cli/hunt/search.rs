@@ -17,7 +17,7 @@ use crate::recording;
 use crate::scenario_files::Loaded;
 
 use super::moments::{Moment, Samples};
-use super::player::{Player, Seen, digest};
+use super::player::{Player, Seen, digest, records};
 use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, kinds, step_name};
 
 /// Most runs of a round. What is played next depends on whole rounds only.
@@ -161,11 +161,12 @@ impl Hunt<'_> {
                 "the client fails without any fault, which has to be mended first: {failure}"
             ));
         }
-        self.player.learn(&text)?;
-        let samples = self.player.trace(&text, |case, _, _| {
+        let (records, samples) = self.player.trace(&text, |case, _, _| {
             let path = case.recording().unwrap_or_default();
-            Ok(recording::view(self.devices, &path, |run| Ok(Samples::new(run)))?.0)
+            let (samples, _) = recording::view(self.devices, &path, |run| Ok(Samples::new(run)))?;
+            Ok((records(case), samples))
         })?;
+        self.player.learn(&records);
         let mut all = kinds(&self.job.scenario, &self.args.faults, &samples.sent());
         for kind in &mut all {
             kind.retain(|fault| self.can_have(fault));

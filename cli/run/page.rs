@@ -60,12 +60,7 @@ struct Shown {
 impl Page {
     /// Makes sure that it can be written later on.
     pub(crate) fn begin(devices: Devices, path: &Path, args: &RunArgs) -> Result<Self, Failure> {
-        let to = OutputFile::find(path, MARKS)?;
-        if !to.is_stream() {
-            // Emptied, so that a former report is not taken for this one's if it is killed.
-            to.write("")
-                .map_err(|failure| Failure::usage(failure.error))?;
-        }
+        let to = OutputFile::begin(path, MARKS)?;
         let folder = tempfile::Builder::new().prefix("sim-report-").tempdir();
         let folder = folder.context("cannot make a folder for recordings");
         Ok(Self {
