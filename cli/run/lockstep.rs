@@ -406,8 +406,11 @@ impl World for Stage<'_> {
         until: Option<u64>,
         ran: bool,
     ) -> Result<Step, Broken> {
-        self.note_output(now);
-        if self.begun_at.is_some() {
+        // A client that has not run has written nothing.
+        if ran {
+            self.note_output(now);
+        }
+        if ran && self.begun_at.is_some() {
             let at = self.at(now);
             self.published.take(&mut self.run, at)?;
         }

@@ -81,13 +81,14 @@ impl Tracer<'_> {
         if !descriptor.kind().is_char_device()
             || descriptor.never_waits()
             || self.port_of(descriptor).is_some()
-            || self.is_terminal_of_run(descriptor.stat.st_rdev)
         {
             return None;
         }
         // A port whose cable has been pulled is still one, and says so at once.
-        let path = descriptor.path()?;
-        (!path.ends_with(" (deleted)")).then_some(path)
+        let path = descriptor
+            .path()
+            .filter(|path| !path.ends_with(" (deleted)"))?;
+        (!self.is_terminal_of_run(descriptor.stat.st_rdev)).then_some(path)
     }
 
     /// Returns whether a device is an end of a pseudo-terminal whose master a process of the run has.

@@ -23,23 +23,32 @@ impl Tracer<'_> {
 
     /// Locks and queues, likewise.
     pub(crate) fn lock_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
-        let (tid, call, registers, a) = (entry.tid, entry.call, entry.registers, entry.a);
-        let no_wait = u64::from(libc::IPC_NOWAIT.unsigned_abs());
-        let mut tried = registers;
+        let (tid, call, a) = (entry.tid, entry.call, entry.a);
+        let mut tried = entry.registers;
         let mut restore = None;
         let mut deadline = None;
         let mut would_wait: &'static [i32] = &[libc::EAGAIN];
+        // Where the flag is by which it does not wait.
+        let flag = match call {
+            Syscall::Flock => Some((1, libc::LOCK_NB)),
+            Syscall::Msgsnd => Some((3, libc::IPC_NOWAIT)),
+            Syscall::Msgrcv => Some((4, libc::IPC_NOWAIT)),
+            _ => None,
+        };
+        if let Some((index, flag)) = flag {
+            let flag = u64::from(flag.unsigned_abs());
+            if a[index] & flag != 0 {
+                return Ok(Handling::Make);
+            }
+            tried.set_argument(index, a[index] | flag);
+        }
         match call {
-            Syscall::Flock => tried.set_argument(1, a[1] | u64::from(libc::LOCK_NB.unsigned_abs())),
+            Syscall::Flock | Syscall::Msgsnd => {}
+            Syscall::Msgrcv => would_wait = &[libc::ENOMSG],
             Syscall::Fcntl => {
                 // The commands that do not wait come before those that do.
                 tried.set_argument(1, a[1] - 1);
                 would_wait = &[libc::EAGAIN, libc::EACCES];
-            }
-            Syscall::Msgsnd => tried.set_argument(3, a[3] | no_wait),
-            Syscall::Msgrcv => {
-                tried.set_argument(4, a[4] | no_wait);
-                would_wait = &[libc::ENOMSG];
             }
             _ => {
                 /// The length of a `sembuf`: number, operation, flags of two bytes each.
@@ -50,33 +59,20 @@ impl Tracer<'_> {
                 }
                 let mut bytes = vec![0; LENGTH * count];
                 Memory(tid).read(a[1], &mut bytes)?;
-                let before = bytes.clone();
+                // One of them that must not wait is enough. IPC_NOWAIT is 0o4000.
+                if bytes.chunks_exact(LENGTH).any(|one| one[5] & 0x08 != 0) {
+                    return Ok(Handling::Make);
+                }
+                restore = Some((a[1], bytes.clone()));
                 for one in bytes.chunks_exact_mut(LENGTH) {
-                    // IPC_NOWAIT is 0o4000.
-                    if let Some(high) = one.get_mut(5) {
-                        *high |= 0x08;
-                    }
+                    one[5] |= 0x08;
                 }
                 Memory(tid).write(a[1], &bytes)?;
-                restore = Some((a[1], before));
                 if call == Syscall::Semtimedop && a[3] != 0 {
                     deadline = span(Memory(tid).read_pair(a[3])?)
                         .map(|time| self.now.saturating_add(time));
                 }
             }
-        }
-        let asked_not_to_wait = match call {
-            Syscall::Flock => a[1] & u64::from(libc::LOCK_NB.unsigned_abs()) != 0,
-            Syscall::Msgsnd => a[3] & no_wait != 0,
-            Syscall::Msgrcv => a[4] & no_wait != 0,
-            // One of them that must not wait is enough.
-            Syscall::Semop | Syscall::Semtimedop => restore
-                .as_ref()
-                .is_some_and(|(_, before)| before.chunks(6).any(|one| one[5] & 0x08 != 0)),
-            _ => false,
-        };
-        if asked_not_to_wait {
-            would_wait = &[];
         }
         let end = Retried {
             would_wait,

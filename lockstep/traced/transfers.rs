@@ -113,21 +113,16 @@ impl Tracer<'_> {
             // Programs fall back to reading and writing.
             return Ok(Some(failure(libc::EINVAL)));
         }
-        let (is_one_part, place) = match call {
-            Syscall::Read => (true, None),
-            Syscall::Pread => (true, Some(a[3])),
-            Syscall::Readv => (false, None),
-            Syscall::Preadv => (false, Some(a[3])),
+        let place = match call {
+            Syscall::Read | Syscall::Readv => None,
+            Syscall::Pread | Syscall::Preadv => Some(a[3]),
             _ => return Ok(None),
         };
         let is_random = descriptor.is_random();
         if !is_random && !self.descriptors.lists.has(descriptor) {
             return Ok(None);
         }
-        let parts = match is_one_part {
-            true => vec![(a[1], a[2])],
-            false => Memory(tid).read_parts(a[1], a[2])?,
-        };
+        let parts = parts(entry)?;
         if is_random {
             return self.random_bytes(tid, &parts).map(Some);
         }
@@ -141,17 +136,14 @@ impl Tracer<'_> {
         index: usize,
         descriptor: &Rc<Descriptor>,
     ) -> Result<Handling, Halt> {
-        let a = entry.a;
-        let parts = match entry.call {
-            Syscall::Read | Syscall::Write => vec![(a[1], a[2])],
-            Syscall::Readv | Syscall::Writev => Memory(entry.tid).read_parts(a[1], a[2])?,
-            // Programs fall back to reading and writing.
-            Syscall::Splice | Syscall::Sendfile => return Ok(failure(libc::EINVAL)),
-            _ => return Ok(Handling::Make),
-        };
         match entry.call {
-            Syscall::Write | Syscall::Writev => self.write(entry, descriptor, &parts, None),
-            _ => self.read_port(entry, index, descriptor, parts),
+            Syscall::Read | Syscall::Readv => {
+                self.read_port(entry, index, descriptor, parts(entry)?)
+            }
+            Syscall::Write | Syscall::Writev => self.write(entry, descriptor, &parts(entry)?, None),
+            // Programs fall back to reading and writing.
+            Syscall::Splice | Syscall::Sendfile => Ok(failure(libc::EINVAL)),
+            _ => Ok(Handling::Make),
         }
     }
 
@@ -205,13 +197,12 @@ impl Tracer<'_> {
         let at_once = at_once || descriptor.is_nonblocking();
         let is_ready =
             descriptor.is_ready(flags) || flags == PollFlags::IN && self.has_signal(tid, fd);
-        let parts = match call {
-            _ if at_once => None,
-            Syscall::Write => Some(vec![(a[1], a[2])]),
-            Syscall::Sendto if a[4] == 0 && a[3] & !NO_SIGNAL == 0 => Some(vec![(a[1], a[2])]),
-            Syscall::Writev => Some(Memory(tid).read_parts(a[1], a[2])?),
-            _ => None,
+        let is_plain = match call {
+            Syscall::Write | Syscall::Writev => true,
+            Syscall::Sendto => a[4] == 0 && a[3] & !NO_SIGNAL == 0,
+            _ => false,
         };
+        let parts = (is_plain && !at_once).then(|| parts(entry)).transpose()?;
         let parts = parts.filter(|parts| descriptor.takes_pieces(whole_length(parts)));
         if is_ready && parts.is_none() {
             return Ok(Handling::Make);
@@ -243,6 +234,16 @@ impl Tracer<'_> {
             has_more: descriptor.is_anonymous() || call == Syscall::Recvmmsg,
         };
         Ok(Handling::Block(wait, deadline))
+    }
+}
+
+/// The parts of memory that a read or write names.
+fn parts(Entry { tid, call, a, .. }: Entry) -> Result<Vec<(u64, u64)>, Halt> {
+    match call {
+        Syscall::Readv | Syscall::Preadv | Syscall::Writev => {
+            Ok(Memory(tid).read_parts(a[1], a[2])?)
+        }
+        _ => Ok(vec![(a[1], a[2])]),
     }
 }
 

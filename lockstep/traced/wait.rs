@@ -12,7 +12,7 @@ pub(crate) struct Block {
     /// As they were at the syscall.
     pub(crate) registers: Registers,
     pub(crate) wait: Wait,
-    /// Time that the program has asked for; see [`Hold::ends`].
+    /// Time that the program has asked for; see [`Block::ends`].
     pub(crate) deadline: Option<u64>,
     /// The order in which waits began.
     pub(crate) since: u64,
