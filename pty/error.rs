@@ -60,11 +60,14 @@ pub enum PortErrorKind {
          again helps"
     )]
     NotPermitted,
+    /// It is a file or a device that is no serial port.
+    #[error("it is not a serial port; those are named as /dev/ttyUSB0 (ls /dev/tty*)")]
+    NotSerial,
     /// Another program holds the serial device.
     #[error("another program has it open; close that program")]
     Busy,
     /// The serial device was unplugged while in use.
-    #[error("it is gone; was it unplugged? Plug it in and start again")]
+    #[error("it is gone; was it unplugged?")]
     Unplugged,
     /// A system limit on watching files was reached.
     #[error(
@@ -82,12 +85,12 @@ pub enum PortErrorKind {
     #[error("it is no address of this machine; 127.0.0.1 always is, and 0.0.0.0 stands for all")]
     ForeignAddress,
     /// Any other refusal of the system.
-    #[error("{call} failed: {source}")]
+    #[error("{call} failed: {reason}")]
     System {
         /// The system call that failed.
         call: &'static str,
         /// Reason in the system's words.
-        source: io::Error,
+        reason: io::Error,
     },
 }
 
@@ -121,7 +124,7 @@ impl PortErrorKind {
 
     /// The same for the standard library's errors.
     pub(crate) fn io(call: &'static str) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::System { call, source }
+        move |reason| Self::System { call, reason }
     }
 }
 

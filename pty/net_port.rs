@@ -111,13 +111,13 @@ impl NetPort {
             let local = listener.local_addr()?;
             Ok((listener, local))
         };
-        let (listener, local) = open().map_err(|source| {
-            let kind = match source.kind() {
+        let (listener, local) = open().map_err(|reason| {
+            let kind = match reason.kind() {
                 ErrorKind::AddrInUse => PortErrorKind::AddressInUse,
                 ErrorKind::AddrNotAvailable => PortErrorKind::ForeignAddress,
                 _ => PortErrorKind::System {
                     call: "listening",
-                    source,
+                    reason,
                 },
             };
             PortError::new("serve", address.to_string(), kind)
@@ -247,9 +247,9 @@ impl NetPort {
                 {
                     continue;
                 }
-                Err(source) => {
+                Err(reason) => {
                     let call = "accept";
-                    let kind = PortErrorKind::System { call, source };
+                    let kind = PortErrorKind::System { call, reason };
                     return Err(PortError::new("serve", &self.path, kind));
                 }
             };

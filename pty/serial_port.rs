@@ -5,7 +5,7 @@ use std::os::fd::AsRawFd as _;
 use std::path::{Path, PathBuf};
 
 use rustix::fd::BorrowedFd;
-use rustix::fs::OFlags;
+use rustix::fs::{Mode, OFlags};
 use rustix::io::{Errno, retry_on_intr};
 use serialport::{DataBits, FlowControl, SerialPort as _, StopBits, TTYPort};
 
@@ -37,7 +37,10 @@ impl SerialPort {
                 .stop_bits(stop_bits(count))
                 .flow_control(FlowControl::None)
                 .open_native()
-                .map_err(open_error)?;
+                .map_err(|error| match open_error(error) {
+                    PortErrorKind::System { .. } if !is_terminal(path) => PortErrorKind::NotSerial,
+                    kind => kind,
+                })?;
             let port = Self {
                 registration: None,
                 tty,
@@ -164,6 +167,11 @@ fn stop_bits(count: u32) -> StopBits {
     }
 }
 
+fn is_terminal(path: &Path) -> bool {
+    let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY;
+    rustix::fs::open(path, flags, Mode::empty()).is_ok_and(rustix::termios::isatty)
+}
+
 fn open_error(error: serialport::Error) -> PortErrorKind {
     use std::io::ErrorKind;
     let kind = match error.kind() {
@@ -178,7 +186,7 @@ fn open_error(error: serialport::Error) -> PortErrorKind {
         ErrorKind::ResourceBusy => PortErrorKind::Busy,
         _ => PortErrorKind::System {
             call: "opening the serial port",
-            source: error.into(),
+            reason: error.into(),
         },
     }
 }

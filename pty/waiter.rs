@@ -91,10 +91,10 @@ impl Waiter {
         if self.signals.is_some() {
             return Ok(());
         }
-        let signals = Signals::catch().map_err(|source| {
+        let signals = Signals::catch().map_err(|reason| {
             waiting(PortErrorKind::System {
                 call: "sigaction",
-                source,
+                reason,
             })
         })?;
         let data = epoll::EventData::new_u64(SIGNALS);

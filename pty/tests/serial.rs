@@ -100,11 +100,11 @@ fn what_cannot_be_opened_is_explained() {
     let busy = Port::open_serial(cable.port.path(), 115_200, 1).unwrap_err();
     assert!(matches!(busy.kind(), PortErrorKind::Busy), "{busy:?}");
 
-    let no_port = Port::open_serial(dir.path(), 115_200, 1).unwrap_err();
-    assert!(
-        matches!(no_port.kind(), PortErrorKind::System { .. }),
-        "{no_port:?}"
-    );
+    for path in [dir.path(), "/dev/null".as_ref()] {
+        let no_port = Port::open_serial(path, 115_200, 1).unwrap_err();
+        let kind = no_port.kind();
+        assert!(matches!(kind, PortErrorKind::NotSerial), "{no_port:?}");
+    }
     let zero = Port::open_serial(cable.port.path(), 0, 1).unwrap_err();
     assert!(matches!(zero.kind(), PortErrorKind::ZeroBaud), "{zero:?}");
 }
