@@ -147,10 +147,14 @@ impl Engine {
         let number = |name: &str| {
             let is_number = name.bytes().all(|byte| byte.is_ascii_digit());
             let text = is_number.then(|| name.to_owned());
-            let text = text.or_else(|| variable(name)).ok_or_else(|| format!(
-                "{} is set, by {}, but {name} is not: set it to the number of shards, or say --shard K/N",
-                self.index, self.name
-            ))?;
+            let text = text.or_else(|| variable(name)).ok_or_else(|| {
+                let what = match name == self.shards && !self.shards_is_last {
+                    true => "set it to the number of shards, or say --shard K/N",
+                    false => "say --shard K/N",
+                };
+                let (index, engine) = (self.index, self.name);
+                format!("{index} is set, by {engine}, but {name} is not: {what}")
+            })?;
             text.parse::<u64>()
                 .map_err(|_| format!("{name} is `{}`, and not a number", visible::line(&text)))
         };

@@ -76,7 +76,7 @@ impl Merged {
             match tail {
                 Ok(Tail::Whole) => {}
                 Ok(Tail::Torn) => torn.push(format!(
-                    "{shown} is torn: the process that wrote it was killed"
+                    "{shown} has no end: the process that writes it still runs, or was killed"
                 )),
                 Err(error) => refused.push(format!("{error:#}")),
             }

@@ -126,24 +126,23 @@ impl Plan {
 
     /// Returns what makes another plan of `other`, in words; `None` if nothing does.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
-        let head = |plan: &Self| {
-            [
-                ("the version of sim", plan.program.clone()),
-                ("the number of shards", plan.shards.to_string()),
-                ("--repeat", plan.repeat.to_string()),
-                ("--set", plan.set.join(" ")),
-                ("the client", plan.client.join(" ")),
-                (
-                    "the digests of the client's files",
-                    plan.client_files.join(" "),
-                ),
-                ("the number of files", plan.files.len().to_string()),
-            ]
-        };
-        let mut parts = head(self).into_iter().zip(head(other));
-        if let Some(((what, ours), (_, theirs))) = parts.find(|(ours, theirs)| ours != theirs) {
-            let [ours, theirs] = [&ours, &theirs].map(|value| visible::line(value));
-            return Some(format!("{what}: {ours} and {theirs}"));
+        let [ours, theirs] = [self, other].map(|plan| {
+            let head = Self {
+                files: Vec::new(),
+                ..plan.clone()
+            };
+            serde_json::to_value(head).unwrap_or_default()
+        });
+        for (part, ours) in ours.as_object()? {
+            let theirs = &theirs[part];
+            if ours != theirs {
+                let [ours, theirs] = [ours, theirs].map(visible::json);
+                return Some(format!("`{part}`: {ours} and {theirs}"));
+            }
+        }
+        let [ours, theirs] = [self, other].map(|plan| plan.files.len());
+        if ours != theirs {
+            return Some(format!("the number of files: {ours} and {theirs}"));
         }
         let mut files = self.files.iter().zip(&other.files);
         let (ours, _) = files.find(|(ours, theirs)| ours != theirs)?;

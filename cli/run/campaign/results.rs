@@ -1,10 +1,10 @@
 //! Results of a shard: a line of JSON for each case, in a file of its own for each attempt.
 //!
-//! The file is a row of gzip members, each written at once. A process that is killed loses what came
-//! after the last member, and every prefix can be read.
+//! The file is compressed, and flushed often. A process that is killed loses what came after the last
+//! time, and every prefix can be read.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::{self, BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -25,8 +25,6 @@ use super::plan::{MOST_CASES, Plan};
 
 /// Longest time for which results are kept in memory.
 const FLUSH: Duration = Duration::from_secs(2);
-/// Bytes at which they are written earlier.
-const FULL: usize = 1 << 20;
 /// Most bytes of a line.
 const MOST_LINE: u64 = 64 << 20;
 /// Most attempts of a shard.
@@ -84,8 +82,7 @@ impl Line {
 pub(crate) struct Results {
     folder: PathBuf,
     path: PathBuf,
-    file: File,
-    pending: Vec<u8>,
+    file: GzEncoder<File>,
     flushed: Instant,
     /// Number of failures of each signature, of those whose traces are kept.
     failures: BTreeMap<String, usize>,
@@ -109,8 +106,7 @@ impl Results {
         let mut results = Self {
             folder: folder.to_owned(),
             path,
-            file,
-            pending: Vec::new(),
+            file: GzEncoder::new(file, Compression::fast()),
             flushed: Instant::now(),
             failures: BTreeMap::new(),
             scratch: tempfile::Builder::new()
@@ -200,54 +196,47 @@ impl Results {
 
     /// Writes what has waited for long.
     pub(crate) fn catch_up(&mut self) -> Result<(), Failure> {
-        if self.pending.len() > FULL || self.flushed.elapsed() > FLUSH {
-            return self.flush();
+        match self.flushed.elapsed() > FLUSH {
+            true => self.flush(),
+            false => Ok(()),
         }
-        Ok(())
     }
 
     /// Writes all.
     pub(crate) fn flush(&mut self) -> Result<(), Failure> {
         self.flushed = Instant::now();
-        if self.pending.is_empty() {
-            return Ok(());
-        }
-        let write = |pending: &[u8], mut file: &File| {
-            let mut member = GzEncoder::new(Vec::new(), Compression::fast());
-            member.write_all(pending)?;
-            file.write_all(&member.finish()?)
-        };
-        write(&self.pending, &self.file)
-            .with_context(|| format!("cannot write results to {}", visible::name(&self.path)))
-            .map_err(Failure::system)?;
-        self.pending.clear();
-        Ok(())
+        self.write(GzEncoder::flush)
     }
 
     fn add<T: Serialize>(&mut self, line: &T) -> Result<(), Failure> {
-        serde_json::to_writer(&mut self.pending, line).map_err(Failure::system)?;
-        self.pending.push(b'\n');
-        Ok(())
+        let mut line = serde_json::to_vec(line).map_err(Failure::system)?;
+        line.push(b'\n');
+        self.write(|file| file.write_all(&line))
+    }
+
+    fn write(
+        &mut self,
+        write: impl FnOnce(&mut GzEncoder<File>) -> io::Result<()>,
+    ) -> Result<(), Failure> {
+        write(&mut self.file)
+            .with_context(|| format!("cannot write results to {}", visible::name(&self.path)))
+            .map_err(Failure::system)
     }
 }
 
 /// Makes the file of the next attempt; none is ever written over.
 fn create(folder: &Path, shard: Shard) -> io::Result<(PathBuf, File)> {
-    for attempt in 1..=MOST_ATTEMPTS {
-        let name = format!(
-            "shard-{}-of-{}.attempt-{attempt}{ENDING}",
-            shard.index, shard.of
-        );
-        let path = folder.join(name);
-        match OpenOptions::new().write(true).create_new(true).open(&path) {
-            Ok(file) => return Ok((path, file)),
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Err(io::Error::other(format!(
-        "{MOST_ATTEMPTS} attempts of shard {shard} are there"
-    )))
+    let Shard { index, of, .. } = shard;
+    let mut attempts = (1..=MOST_ATTEMPTS).map(|attempt| {
+        let path = folder.join(format!("shard-{index}-of-{of}.attempt-{attempt}{ENDING}"));
+        File::create_new(&path).map(|file| (path, file))
+    });
+    let is_taken = |error: &io::Error| error.kind() == ErrorKind::AlreadyExists;
+    let made = attempts.find(|made| !made.as_ref().is_err_and(is_taken));
+    made.unwrap_or_else(|| {
+        let why = format!("{MOST_ATTEMPTS} attempts of shard {shard} are there");
+        Err(io::Error::other(why))
+    })
 }
 
 /// The files of results in a folder, by their names.

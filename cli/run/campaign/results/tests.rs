@@ -54,6 +54,7 @@ fn every_prefix_can_be_read_and_attempts_never_overwrite_one_another() {
             results.flush().unwrap();
         }
     }
+    drop(results);
     let path = files(folder.path()).unwrap().remove(0);
     let whole = fs::read(&path).unwrap();
     let torn = folder.path().join("torn");
@@ -77,7 +78,6 @@ fn every_prefix_can_be_read_and_attempts_never_overwrite_one_another() {
         most = seen.len();
     }
     assert_eq!(most, 1000);
-    drop(results);
     let (_, known) = resume(folder.path(), Shard::WHOLE, &plan()).unwrap();
     assert_eq!(known, vec![Some(Verdict::Passed); 1000]);
     assert_eq!(fs::read(&path).unwrap(), whole);
