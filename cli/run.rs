@@ -325,9 +325,17 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 
 /// Finds out now, and not when all has been played, whether results can be written.
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
+    if args.junit.is_some() && args.junit == args.report {
+        let why = anyhow!("--junit and --report name the same file");
+        return Err(Failure::usage(why));
+    }
     let Some(output) = &args.output else {
         return Ok(());
     };
+    if output.exists() && !output.is_dir() {
+        let why = anyhow!("--output {} is no folder", visible::name(output));
+        return Err(Failure::usage(why));
+    }
     fs::create_dir_all(output)
         .with_context(|| format!("cannot make the folder {}", visible::name(output)))
         .map_err(Failure::usage)?;

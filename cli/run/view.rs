@@ -98,7 +98,9 @@ impl<'a> View<'a> {
             };
             view.note(
                 "missing",
-                failed(&client.missing).map(|calls| format!("{calls} (ENOSYS)")),
+                failed(&client.missing).map(|calls| {
+                    format!("{calls}, as on an older system (ENOSYS); most libraries do without")
+                }),
             );
             let left = failed(&client.left);
             let left = left
