@@ -18,7 +18,7 @@ use anyhow::anyhow;
 use rigsim_core::device::Devices;
 use rigsim_core::settings::SimSettings;
 use rigsim_physics::Pose;
-use rigsim_runner::trace::{FORMAT, Header};
+use rigsim_runner::trace::{FORMAT, Header, Record};
 use rigsim_runner::{DevicePlan, RigPlan};
 
 use crate::config;
@@ -71,6 +71,16 @@ fn header(plan: &RigPlan) -> Header {
         set: Vec::new(),
         settings: config::changed(&plan.settings).join("\n"),
         world: None,
+    }
+}
+
+/// Last line of one.
+fn end(t: u64) -> Record {
+    Record::End {
+        t,
+        passed: true,
+        not_applicable: Vec::new(),
+        dropped: 0,
     }
 }
 

@@ -4,8 +4,10 @@ use anyhow::{Context as _, anyhow};
 use rigsim_core::event::read_hex;
 use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 
+use super::end;
+
 /// Turns `seconds,direction,bytes` on each line into records; a heading, empty lines and comments that
-/// begin with `#` are skipped. Times count from the first line.
+/// begin with `#` are skipped. Times count from the first line; the last record is the end.
 pub(super) fn read(text: &str, links: usize) -> anyhow::Result<Vec<Record>> {
     let mut records = Vec::new();
     let mut begin = None;
@@ -46,6 +48,7 @@ pub(super) fn read(text: &str, links: usize) -> anyhow::Result<Vec<Record>> {
             "it has no lines; each is `seconds,direction,bytes`"
         ));
     }
+    records.push(end(last));
     Ok(records)
 }
 

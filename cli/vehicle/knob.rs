@@ -14,21 +14,18 @@ pub(super) struct Knob {
     pub(super) key: String,
     pub(super) basis: Basis,
     pub(super) default: String,
-    pub(super) kind: KnobKind,
+    /// The literals of which it is one; none for a number.
+    pub(super) choices: Vec<String>,
+    /// How much a number is first changed; 0 for a choice.
+    pub(super) step: f64,
+    form: Form,
 }
 
+/// How it is written.
 #[derive(Debug, Clone)]
-pub(super) enum KnobKind {
-    /// One of these literals.
-    Choice(Vec<String>),
-    /// A number, and how much it is first changed.
-    Number { value: f64, step: f64, form: Form },
-}
-
-/// How numbers are written.
-#[derive(Debug, Clone)]
-pub(super) enum Form {
-    /// With its unit; empty for none.
+enum Form {
+    Choice,
+    /// A number with its unit; empty for none.
     One(String),
     Whole(String),
     /// A factor of all of these, which have this unit.
@@ -59,42 +56,29 @@ impl Knob {
         let words = words.map(|words| words.iter().map(ToString::to_string).collect());
         let flags = || vec!["true".to_owned(), "false".to_owned()];
         let choices = words.or_else(|| (schema["type"] == "boolean").then(flags));
-        let knob = |kind| Self {
+        let knob = |step, form| Self {
             key: entry.key.clone(),
             basis: entry.basis,
             default: entry.value.clone(),
-            kind,
+            choices: Vec::new(),
+            step,
+            form,
         };
         if let Some(choices) = choices {
-            return vec![knob(KnobKind::Choice(choices))];
+            let knob = knob(0.0, Form::Choice);
+            return vec![Self { choices, ..knob }];
         }
         let text = entry.value.trim_matches('"');
-        let parts: Vec<f64> = text
-            .split('.')
-            .filter_map(|part| part.parse().ok())
-            .collect();
-        if parts.len() == 4 {
-            let number = |(at, value): (usize, &f64)| {
-                let (value, step) = (*value, 1.0);
-                let form = Form::Part(at);
-                knob(KnobKind::Number { value, step, form })
-            };
-            return parts.iter().enumerate().map(number).collect();
+        let parts = text.split('.').map(str::parse::<u8>);
+        if parts.filter(Result::is_ok).count() == 4 {
+            return (0..4).map(|at| knob(1.0, Form::Part(at))).collect();
         }
-        let list = text
-            .strip_prefix('[')
-            .and_then(|text| text.strip_suffix(']'));
-        if let Some(list) = list {
+        let list = text.strip_prefix('[');
+        if let Some(list) = list.and_then(|text| text.strip_suffix(']')) {
             let all: Option<Vec<_>> = list.split(',').map(quantity).collect();
-            let all = all.filter(|all| !all.is_empty());
-            let scaled = all.map(|all| {
-                let form = Form::Scaled(all.iter().map(|one| one.0).collect(), all[0].1.clone());
-                knob(KnobKind::Number {
-                    value: 1.0,
-                    step: 0.02,
-                    form,
-                })
-            });
+            let (all, units): (Vec<_>, Vec<_>) = all.into_iter().flatten().unzip();
+            let unit = units.first();
+            let scaled = unit.map(|unit| knob(0.02, Form::Scaled(all, unit.clone())));
             return scaled.into_iter().collect();
         }
         // What is off is a choice of its own, which is not tried.
@@ -113,17 +97,15 @@ impl Knob {
             true => Form::Whole(unit),
             false => Form::One(unit),
         };
-        vec![knob(KnobKind::Number { value, step, form })]
+        vec![knob(step, form)]
     }
 
     /// The number as a literal, where the others of a version stand in `settings`.
     pub(super) fn literal(&self, settings: &SimSettings, number: f64) -> String {
-        let KnobKind::Number { form, .. } = &self.kind else {
-            return self.default.clone();
-        };
         // What is finer is not found.
         let number = format!("{number:.4e}").parse().unwrap_or(number);
-        match form {
+        match &self.form {
+            Form::Choice => self.default.clone(),
             Form::One(unit) if unit.is_empty() => format!("{number:?}"),
             Form::One(unit) => format!("\"{number} {unit}\""),
             Form::Whole(unit) if unit.is_empty() => format!("{}", number.round()),
@@ -155,19 +137,18 @@ impl Knob {
 
     /// The number as it stands in `settings`; 0 for a choice.
     pub(super) fn number_in(&self, settings: &SimSettings) -> f64 {
-        let KnobKind::Number { form, .. } = &self.kind else {
-            return 0.0;
-        };
-        let text = self.literal_in(settings);
-        let text = text.trim_matches(['"', '[', ']']);
-        let number = match form {
+        self.number_of(&self.literal_in(settings))
+    }
+
+    fn number_of(&self, literal: &str) -> f64 {
+        let text = literal.trim_matches(['"', '[', ']']);
+        let number = match &self.form {
+            Form::Choice => None,
             Form::Part(at) => text.split('.').nth(*at).and_then(|part| part.parse().ok()),
-            Form::Scaled(all, _) => text
-                .split(',')
-                .next_back()
-                .and_then(quantity)
-                .zip(all.last())
-                .map(|(now, last)| now.0 / last),
+            Form::Scaled(all, _) => {
+                let last = text.rsplit(',').next().and_then(quantity);
+                last.zip(all.last()).map(|(now, last)| now.0 / last)
+            }
             // A time may be shown in another unit.
             Form::One(unit) if unit != "degC" => parse_quantity(text, unit).ok(),
             _ => quantity(text).map(|(number, _)| number),
@@ -177,35 +158,17 @@ impl Knob {
 
     /// The unit in which its number is.
     pub(super) fn unit(&self) -> String {
-        match &self.kind {
-            KnobKind::Number {
-                form: Form::One(unit) | Form::Whole(unit),
-                ..
-            } => unit.clone(),
-            KnobKind::Number {
-                form: Form::Scaled(..),
-                ..
-            } => "times all".to_owned(),
-            _ => String::new(),
-        }
-    }
-
-    /// How much a number is first changed; 0 for a choice.
-    pub(super) fn step(&self) -> f64 {
-        match self.kind {
-            KnobKind::Number { step, .. } => step,
-            KnobKind::Choice(_) => 0.0,
+        match &self.form {
+            Form::One(unit) | Form::Whole(unit) => unit.clone(),
+            Form::Scaled(..) => "times all".to_owned(),
+            Form::Choice | Form::Part(_) => String::new(),
         }
     }
 
     /// The value before anything was found, where the others of a version stand in `settings`.
     pub(super) fn default_in(&self, settings: &SimSettings) -> String {
-        match self.kind {
-            KnobKind::Number {
-                value,
-                form: Form::Part(_),
-                ..
-            } => self.literal(settings, value),
+        match self.form {
+            Form::Part(_) => self.literal(settings, self.number_of(&self.default)),
             _ => self.default.clone(),
         }
     }
@@ -220,11 +183,8 @@ impl Knob {
 
     /// Its name, with the part of a version.
     pub(super) fn name(&self) -> String {
-        match &self.kind {
-            KnobKind::Number {
-                form: Form::Part(at),
-                ..
-            } => format!("{}[{at}]", self.key),
+        match &self.form {
+            Form::Part(at) => format!("{}[{at}]", self.key),
             _ => self.key.clone(),
         }
     }

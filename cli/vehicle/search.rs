@@ -13,7 +13,7 @@ use indicatif::ProgressBar;
 use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
 
-use super::knob::{Knob, KnobKind};
+use super::knob::Knob;
 use super::model::{Cell, Layout, cells, significant, takes_part, weight};
 use super::recording::{Recording, Reply, Seen};
 
@@ -245,16 +245,13 @@ impl<'a> Search<'a> {
     fn trials(&self, model: &Model) -> Result<Vec<Trial>, String> {
         let mut planned = Vec::new();
         for (knob, about) in self.knobs.iter().enumerate() {
-            let values: Vec<(String, Option<f64>)> = match &about.kind {
-                KnobKind::Choice(all) => all.iter().map(|one| (one.clone(), None)).collect(),
-                KnobKind::Number { step, .. } => {
-                    let value = about.number_in(&model.settings);
-                    let literal = |step| about.literal(&model.settings, value + step);
-                    [*step, -step]
-                        .map(|step| (literal(step), Some(step)))
-                        .into()
-                }
-            };
+            let choices = about.choices.iter().map(|one| (one.clone(), None));
+            let mut values: Vec<(String, Option<f64>)> = choices.collect();
+            if about.choices.is_empty() {
+                let value = about.number_in(&model.settings);
+                let literal = |step| about.literal(&model.settings, value + step);
+                values.extend([about.step, -about.step].map(|step| (literal(step), Some(step))));
+            }
             let now = about.literal_in(&model.settings);
             for (literal, step) in values.into_iter().filter(|(literal, _)| *literal != now) {
                 if let Some(settings) = about.set(&model.settings, &literal) {
@@ -497,24 +494,26 @@ impl<'a> Search<'a> {
             .map(|at| value + f64::from(at) * step / 2.0)
             .collect();
         values.push(value + part * step);
-        let Some([low, high]) = self.ladder(model, knob, &values)? else {
+        let Some([_, mut best, _]) = self.ladder(model, knob, &values)? else {
             return Ok(None);
         };
-        let near = (low + high) / 2.0;
-        let fine = (-6..=6).map(|at| near + f64::from(at) * step.abs() / 12.0);
-        let best = self.ladder(model, knob, &fine.collect::<Vec<_>>())?;
-        let best = best.map_or(near, |[low, high]| (low + high) / 2.0);
+        for part in [12.0, 72.0] {
+            let fine = (-6..=6).map(|at| best + f64::from(at) * step.abs() / part);
+            if let Some([low, _, high]) = self.ladder(model, knob, &fine.collect::<Vec<_>>())? {
+                best = (low + high) / 2.0;
+            }
+        }
         let settings = knob.set(&model.settings, &knob.literal(&model.settings, best));
         settings.map(|settings| self.model(&settings)).transpose()
     }
 
-    /// The least and the greatest of those values of a number that fit best.
+    /// Of some values of a number: the best, and the least and the greatest beside it that fit as well.
     fn ladder(
         &self,
         model: &Model,
         knob: &Knob,
         values: &[f64],
-    ) -> Result<Option<[f64; 2]>, String> {
+    ) -> Result<Option<[f64; 3]>, String> {
         let allowed = values.iter().filter_map(|value| {
             let settings = knob.set(&model.settings, &knob.literal(&model.settings, *value))?;
             Some((*value, settings))
@@ -524,12 +523,18 @@ impl<'a> Search<'a> {
         let played = self.play(&jobs)?;
         let saved = |to: &Play| self.saved(model, [&model.members[0], to], 1.0, &self.vehicle);
         let saved: Vec<f64> = played.iter().map(saved).collect();
-        let most = saved.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let all = allowed.iter().zip(&saved);
-        let good = all.filter(|(_, saved)| **saved >= most - AS_GOOD);
-        Ok(good.fold(None, |ends: Option<[f64; 2]>, ((value, _), _)| {
-            let [low, high] = ends.unwrap_or([*value; 2]);
-            Some([low.min(*value), high.max(*value)])
+        let all = || {
+            allowed
+                .iter()
+                .map(|(value, _)| *value)
+                .zip(saved.iter().copied())
+        };
+        let best = all().max_by(|one, other| one.1.total_cmp(&other.1));
+        Ok(best.map(|(best, most)| {
+            let good = all().filter(|(_, saved)| *saved >= most - AS_GOOD);
+            good.fold([best; 3], |[low, best, high], (value, _)| {
+                [low.min(value), best, high.max(value)]
+            })
         }))
     }
 
@@ -541,7 +546,7 @@ impl<'a> Search<'a> {
     ) -> Result<(DMatrix<f64>, Vec<f64>), String> {
         let mut changed = Vec::new();
         for at in numbers {
-            let (knob, step) = (&self.knobs[*at], self.knobs[*at].step() / 4.0);
+            let (knob, step) = (&self.knobs[*at], self.knobs[*at].step / 4.0);
             let value = knob.number_in(&model.settings);
             let with = |step: f64| {
                 let literal = knob.literal(&model.settings, value + step);
@@ -608,7 +613,7 @@ impl<'a> Search<'a> {
 
     fn numbers(&self, found: &[Found]) -> Vec<usize> {
         let numbers = found.iter().map(|one| one.knob);
-        let is_number = |at: &usize| matches!(self.knobs[*at].kind, KnobKind::Number { .. });
+        let is_number = |at: &usize| self.knobs[*at].choices.is_empty();
         numbers.filter(is_number).collect()
     }
 
@@ -714,12 +719,12 @@ impl<'a> Search<'a> {
             let mut half = T99 * misfit * sd.max(least) * steps[at].abs();
             let value = knob.number_in(&model.settings);
             // It may show only in what is there or is not, or be lost in what the machine explains.
-            let fine = (-12..=12).map(|at| value + f64::from(at) * knob.step() / 8.0);
-            if let Some([low, high]) = self.ladder(model, knob, &fine.collect::<Vec<_>>())? {
+            let fine = (-12..=12).map(|at| value + f64::from(at) * knob.step / 8.0);
+            if let Some([low, _, high]) = self.ladder(model, knob, &fine.collect::<Vec<_>>())? {
                 half = half.max(value - low).max(high - value);
             }
             if matrix.column(at).amax() < 1.0 {
-                half += knob.step() / 8.0;
+                half += knob.step / 8.0;
             }
             one.number = Some((value, half));
         }

@@ -20,7 +20,7 @@ use rigsim_pty::{Event as PortEvent, Port, PortError, PtySetup, Waiter};
 use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 use serde_json::json;
 
-use super::{capture, header, plan_of};
+use super::{capture, end, header, plan_of};
 use crate::args::TapArgs;
 use crate::config;
 use crate::exit::{Exit, Failure};
@@ -65,8 +65,6 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
         let mut trace = TraceFile::create(args.trace.clone()).map_err(Failure::usage)?;
         trace.record(&Record::Header(Box::new(header(&plan))));
         records.iter().for_each(|record| trace.record(record));
-        let last = records.iter().rev().find_map(time_of).unwrap_or(0);
-        trace.record(&end(last));
         return trace.finish().map(|_| Exit::Clean);
     }
     if args.vehicle.len() != args.client.len() {
@@ -163,22 +161,6 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
     };
     out.log.finish(Some(last), |_| false);
     out.trace.finish().map(|_| Exit::Clean)
-}
-
-fn end(t: u64) -> Record {
-    Record::End {
-        t,
-        passed: true,
-        not_applicable: Vec::new(),
-        dropped: 0,
-    }
-}
-
-fn time_of(record: &Record) -> Option<u64> {
-    match record {
-        Record::In { t, .. } | Record::Out { t, .. } => Some(*t),
-        _ => None,
-    }
 }
 
 /// Log and recording.

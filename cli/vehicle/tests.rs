@@ -8,7 +8,7 @@ use rigsim_core::settings::SimSettings;
 use rigsim_runner::trace::{Hexed, PortRecord, Record, Replay};
 use rigsim_settings::{Settings as _, SimTime, parse_assignment};
 
-use super::knob::{Knob, KnobKind};
+use super::knob::Knob;
 use super::plan::manoeuvres;
 use super::recording::Recording;
 use super::report::Report;
@@ -191,16 +191,12 @@ fn campaign_of_single_changes() {
         .iter()
         .filter(|knob| knob.key.contains(&only))
     {
-        let values: Vec<String> = match &knob.kind {
-            KnobKind::Choice(all) => all
-                .iter()
-                .filter(|one| **one != knob.default)
-                .cloned()
-                .collect(),
-            KnobKind::Number { value, step, .. } => {
-                vec![knob.literal(&with(&[]), value + 1.3 * step)]
-            }
-        };
+        let mut values = knob.choices.clone();
+        values.retain(|one| *one != knob.default);
+        if knob.choices.is_empty() {
+            let value = knob.number_in(&with(&[]));
+            values.push(knob.literal(&with(&[]), value + 1.3 * knob.step));
+        }
         for value in values {
             let change = format!("{}={value}", knob.key);
             if knob.set(&with(&[]), &value).is_none() {
@@ -237,12 +233,13 @@ fn campaign_of_eight_changes() {
         let mut changes: Vec<(String, String)> = Vec::new();
         while changes.len() < 8 {
             let knob = &knobs[next(knobs.len())];
-            let value = match &knob.kind {
-                KnobKind::Choice(all) => all[next(all.len())].clone(),
-                KnobKind::Number { value, step, .. } => {
+            let value = match knob.choices.len() {
+                0 => {
                     let part = [-1.3, 1.3, 1.8][next(3)];
-                    knob.literal(&with(&[]), value + part * step)
+                    let value = knob.number_in(&with(&[]));
+                    knob.literal(&with(&[]), value + part * knob.step)
                 }
+                count => knob.choices[next(count)].clone(),
             };
             let is_new = changes.iter().all(|(key, _)| *key != knob.key) && value != knob.default;
             if is_new && knob.set(&with(&[]), &value).is_some() {
