@@ -43,6 +43,41 @@ int main(void) {
     );
 }
 
+/// Each waits for the other alone, so that no time would ever pass.
+#[test]
+fn time_goes_on_while_threads_only_wake_one_another() {
+    c_prints(
+        r#"
+#include <poll.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <time.h>
+#include <unistd.h>
+static int there[2], back[2], silent[2];
+static void *echoes(void *_) {
+  char byte;
+  while (read(there[0], &byte, 1) == 1) write(back[1], &byte, 1);
+  return 0;
+}
+int main(void) {
+  char byte = 0; struct timespec start, now; pthread_t t; int bad = 0;
+  pipe(there); pipe(back); pipe(silent);
+  clock_gettime(CLOCK_MONOTONIC, &start);
+  pthread_create(&t, 0, echoes, 0);
+  do {
+    struct pollfd one = {silent[0], POLLIN, 0};
+    bad += poll(&one, 1, 0);
+    write(there[1], &byte, 1);
+    bad += read(back[0], &byte, 1) != 1;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+  } while (now.tv_sec - start.tv_sec < 2);
+  close(there[1]); pthread_join(t, 0); printf("%d\n", bad);
+}
+"#,
+        "0\n",
+    );
+}
+
 /// Each computes for longer than the system lets a thread run while another can.
 #[test]
 fn threads_that_compute_run_one_after_another() {

@@ -60,8 +60,9 @@ pub(crate) struct Thread {
     pub(crate) state: State,
     /// Turn: who gives way is behind the others.
     pub(crate) turn: u64,
-    /// Queries in a row, without a wait.
+    /// Queries in a row, and when the last was.
     pub(crate) queries: u32,
+    pub(crate) queried_at: u64,
     /// It has been interrupted because it computed for long.
     pub(crate) preempted: bool,
     /// It makes a syscall again that may have to wait on; that alone changes nothing for others.
@@ -135,6 +136,7 @@ impl Thread {
             state,
             turn: 0,
             queries: 0,
+            queried_at: 0,
             preempted: false,
             retries: false,
             again_until: None,

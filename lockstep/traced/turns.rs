@@ -20,6 +20,9 @@ const PREEMPTED: u64 = 10_000_000;
 /// Queries in a row that cost nothing.
 const FREE_QUERIES: u32 = 1000;
 
+/// Queries further apart are not in a row. Of two threads that wait for one another alone, each may query.
+const APART: u64 = 2 * BACK_OFF;
+
 impl Tracer<'_> {
     /// Thread to go on: the one that ran last, or the first of those that can, or any of them.
     pub(crate) fn next(&mut self) -> Option<Tid> {
@@ -140,30 +143,29 @@ impl Tracer<'_> {
             since: self.schedule.waits,
             polled_at: self.schedule.happened,
         };
-        let backs_off = matches!(block.wait, Wait::BackOff(_));
-        if let Some(thread) = self.tree.threads.get_mut(&tid) {
-            if queries {
-                thread.queries = thread.queries.saturating_add(1);
-            } else if !backs_off {
-                thread.queries = 0;
-            }
-            thread.state = State::Blocked(Box::new(block));
+        if queries {
+            self.queries_much(tid);
         }
+        self.tree.set_state(tid, State::Blocked(Box::new(block)));
     }
 
-    /// A thread queries and waits for nothing; after many queries each takes a little time. `None` if
-    /// it may be answered at once.
+    /// A thread queries, and no time passes meanwhile: it waits for nothing, or for threads that do likewise.
+    /// After many queries each takes a little time. `None` if it may be answered at once.
     pub(crate) fn query(&mut self, entry: Entry) -> Option<Handling> {
         let again = Resume::Syscall { backed_off: true };
         let backs_off = self.queries_much(entry.tid) && !entry.backed_off;
         backs_off.then(|| Handling::Block(Wait::BackOff(again), Some(self.now + BACK_OFF)))
     }
 
-    /// Counts a query; returns whether the thread has made very many and waited for nothing.
+    /// Counts a query; returns whether the thread has made very many in a row.
     fn queries_much(&mut self, tid: Tid) -> bool {
         let Some(thread) = self.tree.threads.get_mut(&tid) else {
             return false;
         };
+        if self.now > thread.queried_at + APART {
+            thread.queries = 0;
+        }
+        thread.queried_at = self.now;
         thread.queries = thread.queries.saturating_add(1);
         thread.queries > FREE_QUERIES
     }
@@ -214,7 +216,7 @@ impl Tracer<'_> {
         let shown = Shown {
             real: self.clocks.real(self.now),
             monotonic: self.clocks.monotonic(self.now),
-            // A thread that has queried much, and waited for nothing since, makes a syscall.
+            // A thread that has queried much makes a syscall.
             queries: if thread.queries < FREE_QUERIES {
                 FREE_QUERIES
             } else {
