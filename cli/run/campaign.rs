@@ -97,5 +97,5 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
         }
         true => "",
     };
-    Err(Failure::system(anyhow!("the results are not whole{hint}")))
+    Err(Failure::system(anyhow!("the results are incomplete{hint}")))
 }
