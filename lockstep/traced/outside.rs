@@ -46,7 +46,6 @@ impl Tracer<'_> {
         let mut all = Vec::new();
         for thread in self.tree.threads.values() {
             let set = match thread.block().map(|block| &block.wait) {
-                Some(Wait::Descriptor { fd, flags, .. }) => vec![(*fd, *flags)],
                 Some(Wait::Poll { set, .. }) => set.clone(),
                 Some(Wait::Write { to, .. }) => {
                     all.extend(self.outside(Rc::clone(to), PollFlags::OUT));

@@ -185,7 +185,7 @@ impl Tracer<'_> {
     ) -> Result<Option<i64>, Halt> {
         let memory = Memory(tid);
         match result {
-            PollResult::Kernel => Ok(None),
+            PollResult::Kernel | PollResult::Call { .. } => Ok(None),
             PollResult::Revents { address, entries } => {
                 let mut entries = entries.clone();
                 for (entry, found) in entries.chunks_exact_mut(8).zip(found) {

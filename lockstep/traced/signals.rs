@@ -8,7 +8,7 @@ use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::{Entry, Halt, Handling, counted};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::State;
-use crate::traced::wait::{Resume, Wait};
+use crate::traced::wait::{PollResult, Resume, Wait};
 
 const FAULT: u64 = 1 << (libc::SIGSEGV - 1);
 
@@ -109,7 +109,9 @@ impl Tracer<'_> {
                 }
                 registers.answer(tid, -i64::from(libc::EINTR))?;
             }
-            Wait::Poll { mask: None, .. } => {
+            Wait::Poll {
+                mask: None, result, ..
+            } if !matches!(result, PollResult::Call { .. }) => {
                 registers.answer(tid, -i64::from(libc::EINTR))?;
             }
             Wait::Write { sent, .. } if sent > 0 => {

@@ -13,7 +13,7 @@ use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::AtEnd;
-use crate::traced::wait::Wait;
+use crate::traced::wait::{PollResult, Wait};
 
 /// Most random bytes of one syscall; the program asks for the rest again.
 const MOST_RANDOM: usize = 1 << 16;
@@ -76,13 +76,12 @@ impl Tracer<'_> {
             && !source.is_nonblocking()
             && (call != Syscall::Splice || a[5] & u64::from(libc::SPLICE_F_NONBLOCK) == 0)
         {
-            let wait = Wait::Descriptor {
-                fd,
-                flags: PollFlags::IN,
+            let result = PollResult::Call {
                 late: 0,
                 has_more: true,
             };
-            return Ok(Handling::Block(wait, None));
+            let (set, mask) = (vec![(fd, PollFlags::IN)], None);
+            return Ok(Handling::Block(Wait::Poll { set, result, mask }, None));
         }
         if descriptor.never_waits() && !is_queue(call) {
             return Ok(Handling::Make);
@@ -226,14 +225,13 @@ impl Tracer<'_> {
         if let Some(parts) = parts {
             return self.write(entry, descriptor, &parts, deadline);
         }
-        let wait = Wait::Descriptor {
-            fd,
-            flags,
+        let result = PollResult::Call {
             late,
             // Perhaps a timer, which counts how often it has run out; or several messages.
             has_more: descriptor.is_anonymous() || call == Syscall::Recvmmsg,
         };
-        Ok(Handling::Block(wait, deadline))
+        let (set, mask) = (vec![(fd, flags)], None);
+        Ok(Handling::Block(Wait::Poll { set, result, mask }, deadline))
     }
 }
 

@@ -64,14 +64,6 @@ pub(crate) enum Wait {
         result: PollResult,
         mask: Option<u64>,
     },
-    /// A descriptor on which a syscall can then be made. What the syscall returns at the deadline. Some
-    /// syscalls have more to them and are handled once more.
-    Descriptor {
-        fd: i32,
-        flags: PollFlags,
-        late: i64,
-        has_more: bool,
-    },
     PortRead {
         port: usize,
         device: u64,
@@ -125,6 +117,9 @@ pub(crate) enum PollResult {
     },
     /// The kernel writes it: events of an epoll.
     Kernel,
+    /// It is no poll, but a syscall that can then be made. What that returns at the deadline. Some syscalls
+    /// have more to them and are handled once more.
+    Call { late: i64, has_more: bool },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use crate::traced::syscall::{Halt, counted};
 use crate::traced::terminal::room;
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::State;
-use crate::traced::wait::{Resume, Wait};
+use crate::traced::wait::{PollResult, Resume, Wait};
 
 /// Result of a poll of a wait.
 enum Polled {
@@ -97,20 +97,12 @@ impl Tracer<'_> {
                 if found.iter().all(PollFlags::is_empty) {
                     return Ok(Polled::Waits);
                 }
+                if matches!(result, PollResult::Call { has_more: true, .. }) {
+                    return Ok(Polled::Resume(Resume::Syscall { backed_off: true }));
+                }
                 let answer = self.answer_poll(tid, set, &found, result, deadline)?;
                 answer.map_or(Polled::Make, Polled::Answer)
             }
-            Wait::Descriptor {
-                fd,
-                flags,
-                has_more,
-                ..
-            } => match self.descriptor(self.tree.process_of(tid), *fd) {
-                Some(_) if self.has_signal(tid, *fd) => Polled::Make,
-                Some(descriptor) if !descriptor.is_ready(*flags) => Polled::Waits,
-                Some(_) if *has_more => Polled::Resume(Resume::Syscall { backed_off: true }),
-                _ => Polled::Make,
-            },
             Wait::PortRead {
                 port,
                 device,
@@ -180,12 +172,15 @@ impl Tracer<'_> {
         Ok(match wait {
             Wait::BackOff(resume) => Polled::Resume(*resume),
             Wait::Sleep { .. } => Polled::Answer(0),
+            Wait::Poll {
+                result: PollResult::Call { late, .. },
+                ..
+            } => Polled::Answer(*late),
             Wait::Poll { set, result, .. } => {
                 let nothing = vec![PollFlags::empty(); set.len()];
                 let answer = self.answer_poll(tid, set, &nothing, result, None)?;
                 Polled::Answer(answer.unwrap_or(0))
             }
-            Wait::Descriptor { late, .. } => Polled::Answer(*late),
             Wait::Again { late } => {
                 // At its end; what it returned is replaced.
                 let mut registers = Registers::of(tid)?;

@@ -64,7 +64,6 @@ impl Tracer<'_> {
                 let files: Vec<String> = set.iter().map(|(fd, _)| file(*fd)).collect();
                 format!("for {}", files.join(" or "))
             }
-            Wait::Descriptor { fd, .. } => format!("for {}", file(*fd)),
             Wait::PortRead { port, .. } => match self.ports.get(*port) {
                 Some(port) => format!("for bytes from {}", port.path().display()),
                 None => "for bytes".to_owned(),
