@@ -313,7 +313,7 @@ impl RuleState {
             true => None,
             false if waits => Some("what it comes after was never done"),
             false if early => Some("the run ended before"),
-            false => Some("what it speaks of was never remembered"),
+            false => Some("one of its values was never remembered or published"),
         }
     }
 }
