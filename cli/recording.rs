@@ -21,6 +21,9 @@ use crate::patient_file::PatientFile;
 use crate::print::print;
 use crate::visible;
 
+/// What the beginning of a trace has.
+pub(crate) const MARKS: &[&str] = &["{\"kind\":\"header\""];
+
 /// Most bytes of a line of a trace; the first holds the scenario and its world.
 const MOST_LINE: u64 = 16 << 20;
 
@@ -56,7 +59,7 @@ pub(crate) struct TraceFile {
 impl TraceFile {
     /// Replaces a trace that is there, and nothing else.
     pub(crate) fn create(path: PathBuf) -> anyhow::Result<Self> {
-        let file = Results::at(&path, &["{\"kind\":\"header\""])
+        let file = Results::at(&path, MARKS)
             .and_then(Results::into_file)
             .with_context(|| format!("cannot write the trace {}", visible::name(&path)))?;
         Ok(Self {

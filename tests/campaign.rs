@@ -10,6 +10,7 @@ mod harness;
 
 use std::fs;
 use std::io::{Read as _, Write as _};
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, UNIX_EPOCH};
@@ -199,10 +200,21 @@ fn shards_give_what_one_machine_gives_to_the_byte() {
     // The traces of the first three are there.
     let traces = fs::read_dir(campaign.path("one/traces")).unwrap().count();
     assert_eq!(traces, 3);
+    let precious = campaign.path("precious");
+    fs::write(&precious, "precious").unwrap();
+    fs::create_dir_all(campaign.path("linked/traces")).unwrap();
     for trace in fs::read_dir(campaign.path("one/traces")).unwrap() {
-        let trace = trace.unwrap().path();
-        assert_eq!(code(&campaign.sim(&["replay", trace.to_str().unwrap()])), 0);
+        let trace = trace.unwrap();
+        let path = trace.path();
+        assert_eq!(code(&campaign.sim(&["replay", path.to_str().unwrap()])), 0);
+        let link = campaign.path("linked/traces").join(trace.file_name());
+        symlink(&precious, link).unwrap();
     }
+    // None goes where a link leads.
+    let output = campaign.play("1/1", "linked", &[]);
+    assert_eq!(code(&output), 3, "{}", text(&output));
+    assert!(text(&output).contains("cannot keep the trace"));
+    assert_eq!(fs::read(&precious).unwrap(), b"precious");
 }
 
 #[test]

@@ -13,10 +13,12 @@ use anyhow::{Context as _, anyhow};
 use flate2::Compression;
 use flate2::bufread::MultiGzDecoder;
 use flate2::write::GzEncoder;
+use rigsim_pty::{PortErrorKind, paths};
 use serde::{Deserialize, Serialize};
 
 use crate::args::Shard;
 use crate::exit::Failure;
+use crate::recording;
 use crate::run::case::{Case, CaseResult, Verdict};
 use crate::run::view::View;
 use crate::visible;
@@ -183,8 +185,16 @@ impl Results {
                 && let Some(name) = trace.file_name()
             {
                 let to = self.folder.join("traces").join(name);
-                fs::create_dir_all(self.folder.join("traces"))
-                    .and_then(|()| fs::copy(&trace, &to))
+                let keep = || -> anyhow::Result<u64> {
+                    let kept = paths::Results::at(&to, recording::MARKS);
+                    match kept.and_then(paths::Results::into_file) {
+                        Ok(mut kept) => Ok(io::copy(&mut File::open(&trace)?, &mut kept)?),
+                        // Another attempt keeps the same.
+                        Err(PortErrorKind::InUse(_)) => Ok(0),
+                        Err(error) => Err(error.into()),
+                    }
+                };
+                keep()
                     .with_context(|| format!("cannot keep the trace {}", visible::name(&to)))
                     .map_err(Failure::system)?;
             }
