@@ -515,8 +515,51 @@ int main(void) {
     assert_eq!(played.output, "1\n", "{:?}", played.ending);
     let outside: Vec<&String> = played.ending.outside.iter().collect();
     assert!(outside.len() == 1, "{outside:?}");
+    assert!(outside[0] == "client in openat2", "{outside:?}");
+}
+
+/// It waits for what no poll tells, and for one of its own threads, which time alone lets go on.
+#[test]
+fn a_thread_that_the_kernel_keeps_for_long_lets_time_go_on() {
+    let code = r#"
+import ctypes, os, resource, select, socket, struct, threading, time
+start, done = time.monotonic(), []
+def child(name, run):
+    if os.fork() == 0:
+        run(); print(name, flush=True); os._exit(0)
+    os.wait()
+def later(run): threading.Thread(target=lambda: (time.sleep(0.5), run())).start()
+def many():
+    r, w = os.pipe(); later(lambda: os.write(w, b"x"))
+    resource.setrlimit(resource.RLIMIT_NOFILE, (w + 1, w + 1)); assert os.read(r, 5) == b"x"
+def lingers():
+    s = socket.create_server(("127.0.0.1", 0)); a = socket.create_connection(s.getsockname()); b, _ = s.accept()
+    a.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 60)); a.setblocking(False)
+    try:
+        while True: a.send(bytes(65536))
+    except BlockingIOError: a.setblocking(True)
+    def reads():
+        while b.recv(1 << 20): pass
+    later(reads); a.close()
+def naps():
+    def busy():
+        while not done: sum(range(1000)); time.sleep(0)
+    threading.Thread(target=busy).start()
+    ctypes.CDLL(None).clock_nanosleep(2, 0, (ctypes.c_long * 2)(0, 300000000), None); done.append(1)
+child("many", many); child("lingers", lingers); child("naps", naps)
+"#;
+    let Some(played) = python(code) else { return };
+    assert_eq!(
+        played.output, "many\nlingers\nnaps\n",
+        "{:?}",
+        played.ending
+    );
+    let outside: Vec<&String> = played.ending.outside.iter().collect();
     assert!(
-        outside[0].starts_with("client in openat2 of /tmp/lockstep"),
+        outside.iter().any(|one| one.ends_with("in close"))
+            && outside
+                .iter()
+                .any(|one| one.ends_with("in clock_nanosleep")),
         "{outside:?}"
     );
 }

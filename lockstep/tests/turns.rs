@@ -78,6 +78,39 @@ int main(void) {
     );
 }
 
+/// Long messages and short ones, and no look at a clock: only the first thread waits for time to pass.
+#[test]
+fn time_goes_on_while_threads_only_write_to_one_another() {
+    for length in [1, 8192] {
+        c_prints(
+            &format!(
+                r#"
+#include <poll.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <unistd.h>
+static int there[2], back[2]; static volatile int over; static char bytes[{length}];
+static void *echoes(void *_) {{
+  char all[65536];
+  while (read(there[0], all, sizeof all) > 0) write(back[1], all, 1);
+  return 0;
+}}
+static void *pings(void *_) {{
+  char byte;
+  while (!over) {{ write(there[1], bytes, sizeof bytes); read(back[0], &byte, 1); }}
+  close(there[1]); return 0;
+}}
+int main(void) {{
+  pthread_t t[2]; pipe(there); pipe(back);
+  pthread_create(&t[0], 0, echoes, 0); pthread_create(&t[1], 0, pings, 0);
+  usleep(50000); over = 1; pthread_join(t[1], 0); pthread_join(t[0], 0); puts("over");
+}}
+"#
+            ),
+            "over\n",
+        );
+    }
+}
 /// Each computes for longer than the system lets a thread run while another can.
 #[test]
 fn threads_that_compute_run_one_after_another() {

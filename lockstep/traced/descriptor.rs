@@ -7,7 +7,7 @@ use std::os::fd::{AsRawFd as _, OwnedFd};
 use std::rc::Rc;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::fs::{FileType, OFlags, Stat};
+use rustix::fs::{AtFlags, FileType, OFlags, StatxFlags, makedev, statx};
 use rustix::io::Errno;
 use rustix::net::SendFlags;
 
@@ -19,7 +19,10 @@ pub(crate) type Files = Rc<RefCell<BTreeMap<i32, Option<Rc<Descriptor>>>>>;
 pub(crate) struct Descriptor {
     /// Our own descriptor of the same file.
     pub(crate) file: OwnedFd,
-    pub(crate) stat: Stat,
+    kind: FileType,
+    /// The device that it is, if it is one.
+    pub(crate) device: u64,
+    inode: (u64, u64),
     /// Peer of it that was found to be of the run.
     pub(crate) known_peer: Cell<Option<SocketAddr>>,
 }
@@ -37,16 +40,24 @@ pub(crate) const EVER_READY: PollFlags = PollFlags::IN
 pub(crate) const QUEUES: rustix::fs::FsWord = 0x1980_0202;
 
 impl Descriptor {
-    pub(crate) fn new(file: OwnedFd, stat: Stat) -> Self {
-        Self {
+    /// It is what its file system knows: that may have a program to ask, which may be of the run.
+    pub(crate) fn new(file: OwnedFd) -> Option<Self> {
+        let flags = AtFlags::EMPTY_PATH | AtFlags::STATX_DONT_SYNC;
+        let stat = statx(&file, c"", flags, StatxFlags::BASIC_STATS).ok()?;
+        Some(Self {
             file,
-            stat,
+            kind: FileType::from_raw_mode(stat.stx_mode.into()),
+            device: makedev(stat.stx_rdev_major, stat.stx_rdev_minor),
+            inode: (
+                makedev(stat.stx_dev_major, stat.stx_dev_minor),
+                stat.stx_ino,
+            ),
             known_peer: Cell::new(None),
-        }
+        })
     }
 
     pub(crate) fn kind(&self) -> FileType {
-        FileType::from_raw_mode(self.stat.st_mode)
+        self.kind
     }
 
     /// Never waits: files, and devices without end.
@@ -54,20 +65,19 @@ impl Descriptor {
         match self.kind() {
             FileType::RegularFile | FileType::Directory | FileType::BlockDevice => true,
             // /dev/mem, null, zero, full and the like.
-            FileType::CharacterDevice => rustix::fs::major(self.stat.st_rdev) == 1,
+            FileType::CharacterDevice => rustix::fs::major(self.device) == 1,
             _ => false,
         }
     }
 
     pub(crate) fn is_random(&self) -> bool {
-        let device = self.stat.st_rdev;
         self.kind().is_char_device()
-            && rustix::fs::major(device) == 1
-            && matches!(rustix::fs::minor(device), 8 | 9)
+            && rustix::fs::major(self.device) == 1
+            && matches!(rustix::fs::minor(self.device), 8 | 9)
     }
 
     pub(crate) fn inode(&self) -> (u64, u64) {
-        (self.stat.st_dev, self.stat.st_ino)
+        self.inode
     }
 
     pub(crate) fn is_pipe(&self) -> bool {

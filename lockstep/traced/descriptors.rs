@@ -2,11 +2,10 @@
 
 use std::ops::RangeInclusive;
 use std::os::fd::OwnedFd;
-use std::os::unix::fs::MetadataExt as _;
 use std::rc::Rc;
 
 use rustix::event::{PollFd, PollFlags};
-use rustix::fs::{Mode, OFlags};
+use rustix::fs::{AtFlags, CWD, Mode, OFlags, StatxFlags, makedev, statx};
 use rustix::process::PidfdGetfdFlags;
 
 use crate::traced::descriptor::{Descriptor, EVER_READY, QUEUES, is_any_ready};
@@ -49,11 +48,7 @@ impl Tracer<'_> {
         if kept >= MOST_KEPT && self.descriptors.passage.is_none() {
             tables().for_each(|files| files.borrow_mut().clear());
         }
-        let stat = file.as_ref().and_then(|file| rustix::fs::fstat(file).ok());
-        let descriptor = file
-            .zip(stat)
-            .map(|(file, stat)| Descriptor::new(file, stat));
-        let descriptor = descriptor.map(Rc::new);
+        let descriptor = file.and_then(Descriptor::new).map(Rc::new);
         let is_device = |one: &Rc<Descriptor>| one.kind().is_char_device();
         if descriptor.as_ref().is_some_and(is_device) {
             self.descriptors.ports_used.set(true);
@@ -74,9 +69,8 @@ impl Tracer<'_> {
         // What never waits need not be passed: its path says enough.
         let path = format!("/proc/{process}/fd/{fd}");
         let file = rustix::fs::open(path, OFlags::PATH | OFlags::CLOEXEC, Mode::empty()).ok()?;
-        let stat = rustix::fs::fstat(&file).ok()?;
         let is_queue = rustix::fs::fstatfs(&file).is_ok_and(|one| one.f_type == QUEUES);
-        let one = Descriptor::new(file, stat);
+        let one = Descriptor::new(file)?;
         (one.never_waits() && !is_queue && !self.descriptors.lists.has(&one)).then_some(one.file)
     }
 
@@ -94,7 +88,7 @@ impl Tracer<'_> {
         if !descriptor.kind().is_char_device() {
             return None;
         }
-        let device = descriptor.stat.st_rdev;
+        let device = descriptor.device;
         self.ports.iter().position(|port| port.is_device(device))
     }
 
@@ -156,8 +150,12 @@ impl Tracer<'_> {
     pub(crate) fn holds_port(&self, index: usize) -> bool {
         let port = &self.ports[index];
         self.tree.processes.keys().any(|pid| {
-            files_of(*pid)
-                .any(|path| std::fs::metadata(path).is_ok_and(|file| port.is_device(file.rdev())))
+            files_of(*pid).any(|path| {
+                let file = statx(CWD, path, AtFlags::STATX_DONT_SYNC, StatxFlags::TYPE);
+                file.is_ok_and(|file| {
+                    port.is_device(makedev(file.stx_rdev_major, file.stx_rdev_minor))
+                })
+            })
         })
     }
 }

@@ -1,9 +1,6 @@
 //! The memory of a client's thread.
 
-use std::ffi::OsString;
 use std::io;
-use std::os::unix::ffi::OsStringExt as _;
-use std::path::PathBuf;
 
 use crate::traced::sys::{self, Parts, Tid};
 
@@ -59,17 +56,6 @@ impl Memory {
         let (first, second) = bytes.split_at(8);
         let number = |part: &[u8]| part.try_into().map(i64::from_ne_bytes).unwrap_or_default();
         Ok((number(first), number(second)))
-    }
-
-    /// A path, which ends with a null.
-    pub(crate) fn read_path(self, address: u64) -> io::Result<PathBuf> {
-        let mut bytes = vec![0; 4096];
-        // There may be less behind it.
-        let count = sys::read_memory(self.0, &[(address, bytes.len() as u64)], &mut bytes)?;
-        bytes.truncate(count);
-        let end = bytes.iter().position(|byte| *byte == 0);
-        bytes.truncate(end.ok_or_else(fault)?);
-        Ok(OsString::from_vec(bytes).into())
     }
 
     /// The parts of a read or write: where each is, and how long.

@@ -2,7 +2,6 @@
 
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
-use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -15,7 +14,7 @@ use crate::traced::proc::{
     descriptors_of, files_of, info_of, members_of_epoll, name_of, syscall_of,
 };
 use crate::traced::sys::Tid;
-use crate::traced::syscall::{Entry, Halt, call_name, int, low};
+use crate::traced::syscall::{Entry, Halt, call_name, low};
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::Wait;
 
@@ -87,7 +86,7 @@ impl Tracer<'_> {
         let path = descriptor
             .path()
             .filter(|path| !path.ends_with(" (deleted)"))?;
-        (!self.is_terminal_of_run(descriptor.stat.st_rdev)).then_some(path)
+        (!self.is_terminal_of_run(descriptor.device)).then_some(path)
     }
 
     /// Returns whether a device is an end of a pseudo-terminal whose master a process of the run has.
@@ -103,36 +102,6 @@ impl Tracer<'_> {
             }
             _ => false,
         }
-    }
-
-    /// Names what a thread waits for that sleeps in a syscall which it makes; `None` if that is the kernel's
-    /// own work, as to read from a disk.
-    pub(crate) fn kernel_wait(&self, process: Tid, tid: Tid) -> Option<String> {
-        let (number, a) = syscall_of(process, tid)?;
-        let what = match number {
-            libc::SYS_open | libc::SYS_creat => opened(process, tid, libc::AT_FDCWD, a[0])?,
-            libc::SYS_openat | libc::SYS_openat2 => opened(process, tid, int(a[0]), a[1])?,
-            libc::SYS_connect => match read_address(tid, a[1], low(a[2])).ok().flatten() {
-                Some(address) => return Some(format!("tcp {address}")),
-                None => "a socket".to_owned(),
-            },
-            _ => {
-                let descriptor = self.descriptor(process, i32::try_from(a[0]).ok()?)?;
-                if let Some(name) = self.outside_name(&descriptor) {
-                    return Some(name);
-                }
-                // What has another end waits for that alone.
-                let has_end = !descriptor.never_waits() && !descriptor.is_anonymous();
-                let path = descriptor.path()?;
-                let is_port = self.port_of(&descriptor).is_some() || path.ends_with(" (deleted)");
-                Some(path).filter(|_| has_end && !is_port)?
-            }
-        };
-        Some(format!(
-            "{} in {} of {what}",
-            name_of(tid),
-            call_name(number)
-        ))
     }
 
     /// Notes a socket that sends to an address of another machine, and so may get an answer.
@@ -258,21 +227,21 @@ fn read_address(tid: Tid, address: u64, length: u32) -> io::Result<Option<Socket
     Ok(Some((ip, u16::from_be_bytes([high, low])).into()))
 }
 
-/// The file that a thread is opening, relative to a folder, if that may wait for another program: a named
-/// pipe, or a device that is no terminal of the system's own.
-fn opened(process: Tid, tid: Tid, folder: i32, address: u64) -> Option<String> {
-    let path = Memory(tid).read_path(address).ok()?;
-    let base = match folder {
-        _ if path.is_absolute() => format!("/proc/{process}/root"),
-        libc::AT_FDCWD => format!("/proc/{process}/cwd"),
-        fd => format!("/proc/{process}/fd/{fd}"),
-    };
-    let inside = path.strip_prefix("/").unwrap_or(&path);
-    let file = std::fs::metadata(std::path::Path::new(&base).join(inside)).ok()?;
-    let kind = file.file_type();
-    let is_terminal = matches!(rustix::fs::major(file.rdev()), 1 | 5 | 136);
-    let may_wait = kind.is_fifo() || kind.is_char_device() && !is_terminal;
-    may_wait.then(|| path.display().to_string())
+/// The address to which a thread that sleeps in the kernel connects, if it does.
+pub(crate) fn connects_to(process: Tid, tid: Tid) -> Option<String> {
+    let (call, a) = syscall_of(process, tid).filter(|(call, _)| *call == libc::SYS_connect)?;
+    let address = read_address(tid, a[1], low(a[2])).ok().flatten();
+    Some(address.map_or_else(
+        || format!("{} in {}", name_of(tid), call_name(call)),
+        |address| format!("tcp {address}"),
+    ))
+}
+
+/// Names what a thread that sleeps in the kernel does there.
+pub(crate) fn kernel_wait(process: Tid, tid: Tid) -> String {
+    let call = syscall_of(process, tid).map(|(number, _)| call_name(number));
+    let place = call.unwrap_or_else(|| "its own memory".to_owned());
+    format!("{} in {place}", name_of(tid))
 }
 
 fn own_pid() -> i32 {

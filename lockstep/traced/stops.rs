@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::traced::arch::{self, Registers};
 use crate::traced::memory::Memory;
+use crate::traced::outside::{connects_to, kernel_wait};
 use crate::traced::proc::{kernel_state, name_of};
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::Halt;
@@ -16,8 +17,9 @@ use crate::{End, Error, Reason};
 /// Processor time in which a thread makes no syscall before it is interrupted.
 const LONG: Duration = Duration::from_secs(1);
 
-/// Ticks in a row at which a thread sleeps in the kernel before it is taken to wait there.
-const SLEEPY_TICKS: u32 = 2;
+/// Ticks in a row at which a thread sleeps in the kernel before it is taken to wait there: for another
+/// machine, and for anything else. The kernel's own work, as to read from a disk, takes less.
+const SLEEPY_TICKS: [u32; 2] = [2, 50];
 
 impl Tracer<'_> {
     /// Waits until the thread that runs has stopped or gone, and with it those that are about to go.
@@ -84,10 +86,9 @@ impl Tracer<'_> {
             return false;
         }
         self.schedule.sleepy += 1;
-        if self.schedule.sleepy < SLEEPY_TICKS {
-            return false;
-        }
-        let Some(what) = self.kernel_wait(thread.process, tid) else {
+        let [connects, any] = SLEEPY_TICKS.map(|ticks| self.schedule.sleepy >= ticks);
+        let peer = connects.then(|| connects_to(thread.process, tid)).flatten();
+        let Some(what) = peer.or_else(|| any.then(|| kernel_wait(thread.process, tid))) else {
             return false;
         };
         self.report.outside.insert(what);

@@ -47,7 +47,7 @@ impl Tracer<'_> {
         let deadline = patience.map(|patience| self.now.saturating_add(nanoseconds(patience)));
         let wait = Wait::PortRead {
             port: index,
-            device: descriptor.stat.st_rdev,
+            device: descriptor.device,
             seen: unread,
             rule,
             into,
@@ -93,9 +93,6 @@ impl Tracer<'_> {
         }
         let sent = self.send(to, &bytes)?.ok_or(Halt::Make)?;
         if sent == bytes.len() {
-            if let Some(thread) = self.tree.threads.get_mut(&entry.tid) {
-                thread.queries = 0;
-            }
             return Ok(Handling::Answer(counted(count)));
         }
         if to.is_nonblocking() {

@@ -57,6 +57,8 @@ pub(crate) struct Schedule {
     pub(crate) choices: Option<Pcg64>,
     /// Threads that have let others go first.
     pub(crate) turns: u64,
+    /// Time for which the syscalls of all threads would have paid.
+    pub(crate) paid: u64,
     /// Waits that have begun.
     pub(crate) waits: u64,
     /// Counts up whenever something has happened that a wait may be for.

@@ -60,9 +60,8 @@ pub(crate) struct Thread {
     pub(crate) state: State,
     /// Turn: who gives way is behind the others.
     pub(crate) turn: u64,
-    /// Queries in a row, and when the last was.
-    pub(crate) queries: u32,
-    pub(crate) queried_at: u64,
+    /// Time for which its queries would have paid.
+    pub(crate) paid: u64,
     /// It has been interrupted because it computed for long.
     pub(crate) preempted: bool,
     /// It makes a syscall again that may have to wait on; that alone changes nothing for others.
@@ -80,7 +79,7 @@ pub(crate) enum State {
     Blocked(Box<Block>),
     /// Job control has stopped it.
     Stopped,
-    /// It waits in the kernel for something that is not known, outside of what is simulated.
+    /// It has slept in the kernel for long, and waits for something outside of what is simulated.
     InKernel,
 }
 
@@ -135,8 +134,7 @@ impl Thread {
             process,
             state,
             turn: 0,
-            queries: 0,
-            queried_at: 0,
+            paid: 0,
             preempted: false,
             retries: false,
             again_until: None,

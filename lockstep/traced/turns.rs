@@ -11,17 +11,17 @@ use crate::traced::tracer::Tracer;
 use crate::traced::tree::{Shown, State, Thread};
 use crate::traced::wait::{Block, Resume, Wait};
 
-/// Time that a query costs a thread that does nothing but query.
+/// Time that a query, or any syscall, costs if there are too many.
 const BACK_OFF: u64 = 20_000;
 
 /// Time that passes when a thread has computed for long, and again whenever it has for a while.
 const PREEMPTED: u64 = 10_000_000;
 
-/// Queries in a row that cost nothing.
+/// Queries of a thread that cost nothing; time that passes otherwise makes up for as many as it would pay.
 const FREE_QUERIES: u32 = 1000;
 
-/// Queries further apart are not in a row. Of two threads that wait for one another alone, each may query.
-const APART: u64 = 2 * BACK_OFF;
+/// The same of syscalls of all threads: those that only wake one another let no time pass.
+const FREE_CALLS: u32 = 20_000;
 
 impl Tracer<'_> {
     /// Thread to go on: the one that ran last, or the first of those that can, or any of them.
@@ -89,10 +89,16 @@ impl Tracer<'_> {
                 self.report.calls += 1;
                 self.tree.thread(tid)?.preempted = false;
                 let registers = Registers::of(tid)?;
-                let action = match self.call(tid, registers, backed_off) {
-                    Err(Halt::Make) => Handling::Make,
-                    Err(Halt::Again) => Handling::Again,
-                    action => action?,
+                // What is made again has been counted.
+                let counts = !backed_off && !self.tree.thread(tid)?.retries;
+                let action = if counts && counted(&mut self.schedule.paid, self.now, FREE_CALLS) {
+                    self.back_off()
+                } else {
+                    match self.call(tid, registers, backed_off) {
+                        Err(Halt::Make) => Handling::Make,
+                        Err(Halt::Again) => Handling::Again,
+                        action => action?,
+                    }
                 };
                 self.act(tid, registers, action)?;
             }
@@ -152,22 +158,19 @@ impl Tracer<'_> {
     /// A thread queries, and no time passes meanwhile: it waits for nothing, or for threads that do likewise.
     /// After many queries each takes a little time. `None` if it may be answered at once.
     pub(crate) fn query(&mut self, entry: Entry) -> Option<Handling> {
-        let again = Resume::Syscall { backed_off: true };
-        let backs_off = self.queries_much(entry.tid) && !entry.backed_off;
-        backs_off.then(|| Handling::Block(Wait::BackOff(again), Some(self.now + BACK_OFF)))
+        let backs_off = !entry.backed_off && self.queries_much(entry.tid);
+        backs_off.then(|| self.back_off())
     }
 
-    /// Counts a query; returns whether the thread has made very many in a row.
+    fn back_off(&self) -> Handling {
+        let again = Resume::Syscall { backed_off: true };
+        Handling::Block(Wait::BackOff(again), Some(self.now + BACK_OFF))
+    }
+
+    /// Counts a query; returns whether the thread has made too many.
     fn queries_much(&mut self, tid: Tid) -> bool {
-        let Some(thread) = self.tree.threads.get_mut(&tid) else {
-            return false;
-        };
-        if self.now > thread.queried_at + APART {
-            thread.queries = 0;
-        }
-        thread.queried_at = self.now;
-        thread.queries = thread.queries.saturating_add(1);
-        thread.queries > FREE_QUERIES
+        let thread = self.tree.threads.get_mut(&tid);
+        thread.is_some_and(|thread| counted(&mut thread.paid, self.now, FREE_QUERIES))
     }
 
     /// A thread is at an instruction that reads the time stamp counter, which is a query of the clock.
@@ -217,7 +220,7 @@ impl Tracer<'_> {
             real: self.clocks.real(self.now),
             monotonic: self.clocks.monotonic(self.now),
             // A thread that has queried much makes a syscall.
-            queries: if thread.queries < FREE_QUERIES {
+            queries: if thread.paid < self.now + u64::from(FREE_QUERIES) * BACK_OFF {
                 FREE_QUERIES
             } else {
                 0
@@ -230,4 +233,12 @@ impl Tracer<'_> {
         }
         Ok(())
     }
+}
+
+/// Counts one more of those that would have paid until then; returns whether that is further ahead of
+/// simulated time than so many that are free.
+fn counted(paid: &mut u64, now: u64, free: u32) -> bool {
+    let most = now + u64::from(free) * BACK_OFF;
+    *paid = (now.max(*paid) + BACK_OFF).min(most + BACK_OFF);
+    *paid > most
 }
