@@ -28,7 +28,7 @@ use crate::visible;
 
 use player::Player;
 use search::{Hunt, State};
-use space::{Frame, rules_of};
+use space::{Frame, add_rules};
 
 /// The `hunt` subcommand.
 pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
@@ -49,11 +49,11 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
     let base = config::load_file(devices, &args.settings)?;
     let given = Given::new(base, &none, &args.settings.set)?;
     let jobs = load_all(&given, &find(&args.jobs, None)?)?;
-    let mut rules = String::new();
+    let mut rules = toml::Table::new();
     for path in &args.rules {
-        let text = rules_of(&config::read(path, "file of rules")?);
-        let text = text.with_context(|| visible::name(path));
-        rules += &text.map_err(Failure::usage)?;
+        let added = add_rules(&mut rules, &config::read(path, "file of rules")?);
+        let added = added.with_context(|| visible::name(path));
+        added.map_err(Failure::usage)?;
     }
     let begins = |stage: &StageArg| matches!(stage, StageArg::Single | StageArg::Random);
     if !args.stages.is_empty() && !args.stages.iter().any(begins) {
@@ -92,8 +92,11 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
         hunts.push(hunt);
     }
     // What is wrong with any of it is found before the first search.
-    let mut summary = report::Summary::begin(args)?;
+    let mut summary = report::Summary::find(args)?;
     for hunt in &mut hunts {
+        hunt.keep_journal()?;
+        // No other hunt uses the folder now.
+        summary.begin()?;
         hunt.search()?;
         summary.add(hunt)?;
         if hunt.is_enough() {

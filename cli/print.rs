@@ -68,11 +68,21 @@ impl OutputFile {
     /// When it cannot be written, or something else is there.
     pub(crate) fn begin(path: &Path, marks: &'static [&'static str]) -> Result<Self, Failure> {
         let file = Self::find(path, marks)?;
-        if !file.to.is_stream() {
-            file.write("")
-                .map_err(|failure| Failure::usage(failure.error))?;
-        }
+        file.clear()?;
         Ok(file)
+    }
+
+    /// Empties it, unless it is a stream.
+    ///
+    /// # Errors
+    /// When it cannot be written, or something else is there by now.
+    pub(crate) fn clear(&self) -> Result<(), Failure> {
+        match self.to.is_stream() {
+            true => Ok(()),
+            false => self
+                .write("")
+                .map_err(|failure| Failure::usage(failure.error)),
+        }
     }
 
     /// Writes all of it.

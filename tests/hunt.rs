@@ -128,11 +128,21 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
     for part in [
         "# Found by sim hunt in run ",
         "# Fails also where \"hunted 1\" begins up to ",
+        "Then it drives although it is locked: never `mode.locked && firmware.motor_right != 0` for longer than 500ms.",
         "base = \"../job.toml\"",
         "operator = \"lock\"",
     ] {
         assert!(written.contains(part), "{part}\n{written}");
     }
+    // Of the two further rules it has only the one that is broken.
+    assert!(!written.contains("no client can help"), "{written}");
+    // What is printed has the whole finding once.
+    let faults = format!("{}\n", found["faults"][0].as_str().unwrap());
+    let all = one.err + &one.out;
+    for part in [&faults, "it drives although it is locked"] {
+        assert_eq!(all.matches(part).count(), 1, "{part}\n{all}");
+    }
+    assert!(!all.contains('#'), "{all}");
     // It fails again as an ordinary file, and only because of the fault.
     let again = folder.sim(&["run", &format!("one/{file}"), "--", "python3", "client.py"]);
     assert_eq!(again.code(), Some(1), "{}", again.err);
@@ -206,9 +216,15 @@ fn a_hunt_that_was_aborted_goes_on_unless_the_client_has_changed() {
         play("whole"),
         (
             Some(0),
-            "job.toml: 1 kinds of faults at 2 moments\n".to_owned()
+            "job.toml: 1 kind of faults at 2 moments\n".to_owned()
         )
     );
+    // In the third run, which looks for the moments.
+    write(&folder, "abort", "3");
+    let (code, err) = play("early");
+    assert_eq!(code, Some(3), "{err}");
+    assert!(err.contains("a signal ended it"), "{err}");
+    assert!(!err.contains("moment"), "{err}");
     write(&folder, "abort", "9");
     let (code, err) = play("out");
     assert_eq!(code, Some(3), "{err}");
@@ -254,7 +270,10 @@ fn files_of_others_stay() {
     write(&folder, "hunt/journal.jsonl", "");
     let journal = std::fs::File::open(folder.path().join("hunt/journal.jsonl")).unwrap();
     journal.lock().unwrap();
+    let earlier = "{\n  \"jobs\": [\n    {\n      \"findings\": []}]}";
+    write(&folder, "hunt/hunt.json", earlier);
     hunt(&[]).expect_refusal(2, &["journal.jsonl", "another simulator is using"]);
+    assert_eq!(folder.read("hunt/hunt.json"), earlier);
     drop(journal);
     let name = "hunt/it-drives-although-it-is-locked-never-mode-locked-firmware-m";
     let [first, second] = [1, 2].map(|number| format!("{name}-{number}.toml"));
@@ -303,6 +322,51 @@ fn what_no_client_can_help_is_counted_and_not_written() {
     assert!(frozen.out.contains("fewer than "), "{}", frozen.out);
 }
 
+/// What a client does that gives up after some replies that are not like the first.
+const GIVES_UP: &str = r#"
+import select, sys
+first, bad = None, 0
+for tick in range(30):
+    os.write(port, b"\xAA\x55\x00\xF0" + crc(b"\xF0"))
+    time.sleep(0.1)
+    ready, _, _ = select.select([port], [], [], 0)
+    reply = os.read(port, 4096) if ready else b""
+    first = first or reply
+    bad = 0 if reply == first else bad + 1
+    if bad > PATIENCE:
+        sys.exit(3)
+"#;
+
+#[test]
+fn an_exit_code_counts_where_no_fault_lasts() {
+    const RULE: &str = "the client ended with exit code 3";
+    let folder = folder();
+    let gives_up = |patience, kinds| {
+        let begin = CLIENT.split("for tick").next().unwrap();
+        let client = begin.to_owned() + &GIVES_UP.replace("PATIENCE", patience);
+        write(&folder, "client.py", &client);
+        let more = ["--runs", "16", "--stages", "single", "--output", patience];
+        let done = hunt(&folder, &[&["--faults", kinds], &more[..]].concat());
+        let report = folder.read(&format!("{patience}/hunt.json"));
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        (done, report["jobs"][0].clone())
+    };
+    // One flipped bit is enough, which ends by itself.
+    let (hasty, job) = gives_up("0", "burst,bit-flips");
+    assert_eq!(hasty.code(), Some(1), "{}{}", hasty.err, hasty.out);
+    assert_eq!(job["findings"].as_array().unwrap().len(), 1, "{job:#}");
+    let found = &job["findings"][0];
+    assert_eq!(found["rule"], RULE);
+    let faults = found["faults"][0].as_str().unwrap();
+    assert!(faults.starts_with("bit-flips count = 1, "), "{faults}");
+    let written = folder.read("0/the-client-ended-with-exit-code-3-1.toml");
+    assert!(!written.contains("\nfor = "), "{written}");
+    // A patient one ends only where the line stays mute, as it may.
+    let (patient, job) = gives_up("5", "mute");
+    assert_eq!(patient.code(), Some(0), "{}{}", patient.err, patient.out);
+    assert!(job["unavoidable"][RULE].as_u64() > Some(0), "{job:#}");
+}
+
 #[test]
 fn several_jobs_are_searched_and_a_reference_is_played_too() {
     let careful = CLIENT.replace("tick < 20", "tick < 4");
@@ -346,6 +410,12 @@ fn several_jobs_are_searched_and_a_reference_is_played_too() {
     let same = with("python3 client.py", "same");
     assert_eq!(same.code(), Some(0), "{}", same.out);
     assert!(same.out.contains("unavoidable"), "{}", same.out);
+    // One that cannot do the job tells nothing.
+    with("nosuchcmd", "none")
+        .expect_refusal(2, &["--reference", "could not be played", "exit code 127"]);
+    let misspelt = with("python3 carefull.py", "none");
+    misspelt.expect_refusal(2, &["--reference", "exit code 2"]);
+    assert!(!folder.path().join("none").exists());
     // The first finding is enough.
     let more = ["--fail-fast", "--output", "fast"];
     let fast = hunt(&folder, &[&lock[..], &more].concat());
@@ -383,7 +453,7 @@ fn a_fault_that_a_device_cannot_have_is_left_out() {
     let reset = hunt_in(&folder, "car.toml", &other);
     assert_eq!(reset.code(), Some(0), "{}", reset.err);
     assert!(
-        reset.out.contains("4 single faults of 1 kinds"),
+        reset.out.contains("4 single faults of 1 kind at"),
         "{}",
         reset.out
     );
@@ -395,7 +465,7 @@ fn what_cannot_be_searched_is_refused() {
     let strict = "[[never]]\nthat = \"truth.distance_m > 0.1\"\nmessage = \"it drives\"\n";
     write(&folder, "strict.toml", strict);
     let fails = hunt(&folder, &["--rules", "strict.toml"]);
-    fails.expect_refusal(2, &["fails without any fault", "it drives"]);
+    fails.expect_refusal(2, &["the client fails in the job as it is", "it drives"]);
     let real = hunt(&folder, &["--time", "real"]);
     real.expect_refusal(2, &["real time"]);
     let unknown = hunt(&folder, &["--faults", "gremlins"]);

@@ -11,8 +11,9 @@ use crate::run::case_in_full;
 use crate::visible;
 
 use super::attribution;
+use super::player::Seen;
 use super::search::{Found, Hunt};
-use super::space::{FOR_GOOD, Fault, Form, Kind, Trigger, duration, step_name};
+use super::space::{FOR_GOOD, Fault, Form, Frame, Kind, Trigger, duration, step_name};
 
 /// Candidates that are played at a time.
 const AT_ONCE: usize = 8;
@@ -47,7 +48,7 @@ impl Hunt<'_> {
         failure: &str,
     ) -> Result<(), Failure> {
         let of = ids(schedule);
-        let earlier = self.state.found.iter().filter(|found| found.rule == key);
+        let earlier = self.state.found.iter().filter(|found| found.key == key);
         let number = earlier.count() + 1;
         let known = self.state.per_rule.entry(key.to_owned()).or_default();
         let contains = |one: &Vec<String>| one.iter().all(|id| of.contains(id));
@@ -55,12 +56,13 @@ impl Hunt<'_> {
             return Ok(());
         }
         if self.is_unavoidable(schedule, key)? {
-            *self.state.unavoidable.entry(key.to_owned()).or_default() += 1;
+            let rule = rule_of(failure).to_owned();
+            *self.state.unavoidable.entry(rule).or_default() += 1;
             return Ok(());
         }
         let words: Vec<String> = schedule.iter().map(Fault::words).collect();
         let words = words.join("\n  ");
-        complain(&format!("found in run {run}: {failure}\n  {words}"));
+        complain(&format!("found in run {run}, now made smaller:\n  {words}"));
         let before = self.player.asked;
         let (schedule, is_cut) = self.shrink(schedule, key)?;
         let known = self.state.per_rule.entry(key.to_owned()).or_default();
@@ -72,7 +74,8 @@ impl Hunt<'_> {
         }
         known.extend([of, shrunk]);
         let mut found = Found {
-            rule: key.to_owned(),
+            rule: rule_of(failure).to_owned(),
+            key: key.to_owned(),
             failure: failure.to_owned(),
             faults: schedule.iter().map(Fault::words).collect(),
             file: None,
@@ -91,8 +94,7 @@ impl Hunt<'_> {
     /// Returns whether the rule is attributed to the fault, and not to the client: an ideal operator and
     /// silence break it as well, or the reference does.
     fn is_unavoidable(&mut self, schedule: &[Fault], key: &str) -> Result<bool, Failure> {
-        let is_long = schedule.iter().any(|fault| fault.lasts > GIVE_UP);
-        if is_long && key.starts_with(GAVE_UP) {
+        if may_end(schedule, key) {
             return Ok(true);
         }
         let text = self.frame.document(schedule);
@@ -116,11 +118,12 @@ impl Hunt<'_> {
         Ok(Some(seen[0].broken.contains_key(key)))
     }
 
-    /// Plays schedules, and returns which of them break the rule.
+    /// Plays schedules, and returns which of them break the rule in a way that a client must not.
     fn which_break(&mut self, all: &[Vec<Fault>], key: &str) -> Result<Vec<bool>, Failure> {
         let texts = all.iter().map(|one| self.frame.document(one));
         let seen = self.player.play(&texts.collect::<Vec<_>>())?;
-        let breaks = seen.iter().map(|seen| seen.broken.contains_key(key));
+        let breaks = all.iter().zip(&seen);
+        let breaks = breaks.map(|(one, seen)| seen.broken.contains_key(key) && !may_end(one, key));
         Ok(breaks.collect())
     }
 
@@ -241,31 +244,35 @@ impl Hunt<'_> {
 
     /// Writes a finding if two runs of it are the same.
     fn write(&mut self, found: &mut Found, is_cut: bool) -> Result<(), Failure> {
-        let (key, seed) = (&found.rule, self.player.seed);
-        let plain = self.frame.document(&found.schedule);
+        let (key, seed) = (&found.key, self.player.seed);
+        let frame = self.with_the_rule(&found.schedule, key)?;
+        let plain = frame.document(&found.schedule);
         let first = self.player.play_again(&plain)?;
         let again = self.player.play_again(&plain)?;
-        if !first.broken.contains_key(key) || first.trace != again.trace {
+        let Some(failure) = first.broken.get(key).filter(|_| first.trace == again.trace) else {
             complain("  it could not be played twice with the same result, and is not written");
             return Ok(());
-        }
+        };
+        found.failure.clone_from(failure);
+        rule_of(failure).clone_into(&mut found.rule);
         let all = (0..SEEDS).map(|more| (plain.as_str(), seed.wrapping_add(more)));
         let all = self.player.play_seeds(&all.collect::<Vec<_>>(), false)?;
         let fails = all.iter().filter(|seen| seen.broken.contains_key(key));
         found.seeds = fails.count() as u64;
         let Found {
+            rule,
             run,
             shrink_runs,
             seeds,
             ..
-        } = found;
+        } = &*found;
         let cut = if is_cut {
             "; the budget of --shrink-runs ended before"
         } else {
             ""
         };
         let folder = &self.player.folder;
-        let (name, path, file) = self.place(key)?;
+        let (name, path, file) = self.place(rule)?;
         let command = self.player.command(&plain, &path)?;
         let mut head = format!(
             "{MARK}{run}, made smaller in {shrink_runs} runs{cut}.\n\
@@ -273,10 +280,18 @@ impl Hunt<'_> {
              # Fails with {seeds} of {SEEDS} seeds from {seed} on.\n"
         );
         for (index, by) in found.window_ms.iter().enumerate() {
-            let (name, [earlier, later]) = (step_name(index), by.map(duration));
-            head += &format!(
-                "# Fails also where \"{name}\" begins up to {earlier} earlier or {later} later.\n"
-            );
+            let name = step_name(index);
+            let sides = by.iter().zip(["earlier", "later"]);
+            let sides = sides.filter(|(by, _)| **by > 0);
+            let sides = sides.map(|(by, side)| format!("up to {} {side}", duration(*by)));
+            let sides = sides.collect::<Vec<_>>().join(" or ");
+            head += &match sides.as_str() {
+                "" => format!(
+                    "# Fails only where \"{name}\" begins at this moment, and not {} away from it.\n",
+                    duration(MOVED[0])
+                ),
+                sides => format!("# Fails also where \"{name}\" begins {sides}.\n"),
+            };
         }
         if let Some(fails) = found.reference_fails {
             let what = if fails { "fails, too" } else { "passes" };
@@ -284,21 +299,33 @@ impl Hunt<'_> {
         }
         let words = found.faults.join("; ");
         let title = format!("{} breaks a rule", ids(&found.schedule).join(" and "));
-        let about = (title.as_str(), &*format!("{words}. Then {key}."));
-        file.write(&self.frame.finding(&found.schedule, &head, about, folder))?;
-        complain(&format!("  {}: {words}", visible::name(&path)));
+        let about = (title.as_str(), &*format!("{words}. Then {rule}."));
+        file.write(&frame.finding(&found.schedule, &head, about, folder))?;
+        complain(&format!("  {}", visible::name(&path)));
         found.file = Some(name);
         Ok(())
     }
 
+    /// The files that have no further rule, or only the one that the schedule breaks.
+    fn with_the_rule(&mut self, schedule: &[Fault], key: &str) -> Result<Frame, Failure> {
+        let mut frames = self.frame.with_one_rule();
+        let texts = frames.iter().map(|frame| frame.document(schedule));
+        let seen = self.player.play(&texts.collect::<Vec<_>>())?;
+        let breaks = |seen: &Seen| seen.broken.contains_key(key);
+        Ok(match seen.iter().position(breaks) {
+            Some(index) => frames.swap_remove(index),
+            None => self.frame.clone(),
+        })
+    }
+
     /// A file for a finding. Those of this hunt and of other programs keep their names, and different rules may
     /// have the same words in a name.
-    fn place(&self, key: &str) -> Result<(String, PathBuf, OutputFile), Failure> {
+    fn place(&self, rule: &str) -> Result<(String, PathBuf, OutputFile), Failure> {
         let is_taken = |name: &String| {
             let mut found = self.state.found.iter();
             found.any(|found| found.file.as_ref() == Some(name))
         };
-        let names = (1..=MOST_PLACES).map(|place| format!("{}-{place}.toml", slug(key)));
+        let names = (1..=MOST_PLACES).map(|place| format!("{}-{place}.toml", slug(rule)));
         let places = names.filter(|name| !is_taken(name)).map(|name| {
             let path = self.player.folder.join(&name);
             OutputFile::find(&path, &[MARK]).map(|file| (name, path, file))
@@ -321,6 +348,17 @@ impl Hunt<'_> {
             shown.ok_or_else(|| Failure::system(anyhow!("a finding could not be played again")))
         })
     }
+}
+
+/// Returns whether a client may end with an exit code: it may give up where a fault lasts.
+fn may_end(schedule: &[Fault], key: &str) -> bool {
+    key.starts_with(GAVE_UP) && schedule.iter().any(|fault| fault.is_longer(GIVE_UP))
+}
+
+/// The rule of a failure in words, without the time and the values that it was found by.
+fn rule_of(failure: &str) -> &str {
+    let what = failure.split_once(": ").map_or(failure, |(_, what)| what);
+    what.split(", but ").next().unwrap_or(what)
 }
 
 fn ids(schedule: &[Fault]) -> Vec<String> {

@@ -264,11 +264,7 @@ impl<'a> Player<'a> {
         }
         for ((case, (run, .., folder)), result) in cases.iter().zip(&new).zip(results) {
             let Some(played) = result.played else {
-                return Err(Failure::system(anyhow!(
-                    "{}; the journal in {} lets the same command go on",
-                    result.why.unwrap_or_default(),
-                    visible::name(&self.folder)
-                )));
+                return Err(self.unplayed(result.why));
             };
             let mut seen = self.seen(&played.outcome, case);
             if result.verdict == Verdict::Error {
@@ -292,6 +288,16 @@ impl<'a> Player<'a> {
             self.known.insert(*run, seen);
         }
         Ok(runs.iter().map(|run| self.known[run].clone()).collect())
+    }
+
+    /// A run was aborted, or could not be played.
+    fn unplayed(&self, why: Option<String>) -> Failure {
+        let why = why.unwrap_or_default();
+        let folder = visible::name(&self.folder);
+        Failure::system(match self.journal {
+            Some(_) => anyhow!("{why}; the journal in {folder} lets the same command go on"),
+            None => anyhow!(why),
+        })
     }
 
     /// Empties a journal that is of another client.
@@ -320,6 +326,9 @@ impl<'a> Player<'a> {
             ..Case::new(&self.args, &loaded, 0, self.seed)
         };
         let result = play_quietly(std::slice::from_ref(&case), 1, &self.stop)?.remove(0);
+        if result.played.is_none() {
+            return Err(self.unplayed(result.why));
+        }
         read(&case, &result, &self.stop)
     }
 

@@ -1,5 +1,7 @@
 //! What a hunt says: the summary, `hunt.json` and the page.
 
+use std::fmt::Display;
+
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
@@ -29,17 +31,26 @@ pub(super) struct Summary {
 
 impl Summary {
     /// Makes sure that all can be written later on.
-    pub(super) fn begin(args: &HuntArgs) -> Result<Self, Failure> {
+    pub(super) fn find(args: &HuntArgs) -> Result<Self, Failure> {
         let report = args.report.as_deref();
-        let report = report.map(|path| OutputFile::begin(path, REPORT_MARKS));
+        let report = report.map(|path| OutputFile::find(path, REPORT_MARKS));
         Ok(Self {
             report: report.transpose()?,
-            results: OutputFile::begin(&args.output.join("hunt.json"), RESULT_MARKS)?,
+            results: OutputFile::find(&args.output.join("hunt.json"), RESULT_MARKS)?,
             jobs: Vec::new(),
             pages: Vec::new(),
             lines: Vec::new(),
             found: 0,
         })
+    }
+
+    /// Empties what an earlier hunt has written, before the search of the first job.
+    pub(super) fn begin(&self) -> Result<(), Failure> {
+        if self.jobs.is_empty() {
+            self.results.clear()?;
+            self.report.as_ref().map_or(Ok(()), OutputFile::clear)?;
+        }
+        Ok(())
     }
 
     /// The search of a job is over.
@@ -96,22 +107,27 @@ impl Summary {
     }
 }
 
+/// So many of these, in words.
+pub(super) fn counted<T: Display + PartialEq + From<u8>>(count: T, what: &str) -> String {
+    let plural = if count == T::from(1) { "" } else { "s" };
+    format!("{count} {what}{plural}")
+}
+
 /// What came of a job, in words.
 fn text_of(hunt: &Hunt<'_>) -> String {
     let state = &hunt.state;
     let count = |stage| state.counts.get(&stage).copied().unwrap_or_default();
     let (single, random) = (count(StageArg::Single), count(StageArg::Random));
     let mut text = format!(
-        "{}: {} single faults of {} kinds at {} moments ({} hit nothing); {} further faults in {} \
-         reactions; {} random schedules",
+        "{}: {} of {} at {} ({} hit nothing); {} in {}; {}",
         hunt.job.name(),
-        single.runs,
-        state.kinds.len(),
-        state.moments.len(),
+        counted(single.runs, "single fault"),
+        counted(state.kinds.len(), "kind"),
+        counted(state.moments.len(), "moment"),
         single.without_hit,
-        count(StageArg::Further).runs,
-        hunt.reactions(),
-        random.runs,
+        counted(count(StageArg::Further).runs, "further fault"),
+        counted(hunt.reactions(), "reaction"),
+        counted(random.runs, "random schedule"),
     );
     match (random.runs, random.failed) {
         (0, _) => {}
@@ -132,7 +148,10 @@ fn text_of(hunt: &Hunt<'_>) -> String {
         text += &format!("\nfound: {}\n  {faults}\n  {place}", found.rule);
     }
     for (rule, times) in &state.unavoidable {
-        text += &format!("\nunavoidable for any client, {times} times: {rule}");
+        text += &format!(
+            "\nunavoidable for any client, {}: {rule}",
+            counted(*times, "time")
+        );
     }
     if state.found.is_empty() {
         text += "\nnothing found";

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use anyhow::anyhow;
+use anyhow::{Error, anyhow};
 use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::line::Wire;
@@ -18,6 +18,7 @@ use crate::scenario_files::Loaded;
 
 use super::moments::{Moment, Samples};
 use super::player::{Player, Seen, digest, records};
+use super::report::counted;
 use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, kinds, step_name};
 
 /// Most runs of a round. What is played next depends on whole rounds only.
@@ -112,6 +113,9 @@ pub(super) struct State {
 #[derive(Debug, Serialize)]
 pub(super) struct Found {
     pub(super) rule: String,
+    /// By this the same failure of other runs is known.
+    #[serde(skip)]
+    pub(super) key: String,
     pub(super) failure: String,
     pub(super) faults: Vec<String>,
     pub(super) file: Option<String>,
@@ -145,21 +149,21 @@ impl Hunt<'_> {
         if let Err(failure) = self.player.load(&text) {
             return usage(failure.error.context("the job with these rules"));
         }
-        let first = self.player.play_again(&text)?;
+        let first = without_faults(&mut self.player, &text, "the client", Failure::system)?;
         let again = self.player.play_again(&text)?;
-        if let Some(why) = first.error {
-            return Err(Failure::system(anyhow!(why)));
-        }
         if first.trace != again.trace {
             return usage(anyhow!(
                 "the client did not do the same in two runs without faults, so no search is possible; \
                  `sim run --twice` shows the first difference"
             ));
         }
-        if let Some(failure) = first.broken.values().next() {
-            return usage(anyhow!(
-                "the client fails without any fault, which has to be mended first: {failure}"
-            ));
+        if let Some(reference) = &mut self.reference {
+            without_faults(
+                reference,
+                &text,
+                "the client of --reference",
+                Failure::usage,
+            )?;
         }
         let (records, samples) = self.player.trace(&text, |case, _, _| {
             let path = case.recording().unwrap_or_default();
@@ -186,7 +190,9 @@ impl Hunt<'_> {
         let (kinds, moments) = (state.kinds.len(), state.moments.len());
         self.state.columns = (0..kinds).map(|kind| self.column(kind)).collect();
         complain(&format!(
-            "{name}: {kinds} kinds of faults at {moments} moments"
+            "{name}: {} of faults at {}",
+            counted(kinds, "kind"),
+            counted(moments, "moment")
         ));
         Ok(())
     }
@@ -246,10 +252,14 @@ impl Hunt<'_> {
         reactions.map(Vec::len).sum()
     }
 
+    /// Keeps other hunts out of the folder, and goes on with an aborted one.
+    pub(super) fn keep_journal(&mut self) -> Result<(), Failure> {
+        let text = self.frame.document(&[]);
+        self.player.keep_journal(&text, &self.state.usual)
+    }
+
     /// Plays rounds of the stages until the budget is spent or nothing is left.
     pub(super) fn search(&mut self) -> Result<(), Failure> {
-        let text = self.frame.document(&[]);
-        self.player.keep_journal(&text, &self.state.usual)?;
         let form = "{bar:30} {pos}/{len} runs, {msg}, {eta} left";
         let bar = progress(self.budget, form);
         let asked = &self.args.stages;
@@ -434,6 +444,25 @@ impl Hunt<'_> {
             schedule: schedule.collect(),
             ..Planned::default()
         }
+    }
+}
+
+/// Plays the job without faults, and refuses a client that fails even there.
+fn without_faults(
+    player: &mut Player<'_>,
+    text: &str,
+    who: &str,
+    unplayed: fn(Error) -> Failure,
+) -> Result<Seen, Failure> {
+    let seen = player.play_again(text)?;
+    if let Some(why) = seen.error {
+        return Err(unplayed(anyhow!("{who}: {why}")));
+    }
+    match seen.broken.values().next() {
+        None => Ok(seen),
+        Some(failure) => Err(Failure::usage(anyhow!(
+            "{who} fails in the job as it is, which has to be fixed first: {failure}"
+        ))),
     }
 }
 

@@ -9,9 +9,13 @@ use rigsim_core::device::EffectInfo;
 use rigsim_core::effect;
 use rigsim_runner::Scenario;
 use serde_json::Value;
+use toml::{Table, Value as Toml};
 
 /// Durations to try unless a kind declares others, ms; 0 is for good.
 const LASTS: &[u64] = &[50, 300, 2000, 0];
+/// Keys of rules in a file, and the one of what they may name.
+const RULES: [&str; 3] = ["always", "never", "response"];
+const PARAMETERS: &str = "parameters";
 /// Duration of what does not end, ms.
 pub(super) const FOR_GOOD: u64 = u64::MAX;
 
@@ -65,12 +69,24 @@ pub(super) struct Fault {
 impl Fault {
     /// The fault in words.
     pub(super) fn words(&self) -> String {
-        let lasts = match self.lasts {
-            FOR_GOOD => "for good".to_owned(),
-            millis => format!("for {}", duration(millis)),
+        let lasts = match (count(&self.action), self.lasts) {
+            (Some(count), _) => format!("count = {count}"),
+            (None, FOR_GOOD) => "for good".to_owned(),
+            (None, millis) => format!("for {}", duration(millis)),
         };
         format!("{} {lasts}, {}", self.kind, self.trigger)
     }
+
+    /// Returns whether it lasts longer than this, in ms. What is counted ends by itself.
+    pub(super) fn is_longer(&self, millis: u64) -> bool {
+        count(&self.action).is_none() && self.lasts > millis
+    }
+}
+
+/// How often an action happens, if that is counted.
+fn count(action: &str) -> Option<&str> {
+    let (_, count) = action.split_once("count = ")?;
+    count.split([',', ' ']).next()
 }
 
 pub(super) fn duration(millis: u64) -> String {
@@ -149,10 +165,9 @@ fn forms(info: &EffectInfo, targets: &[(&str, String)]) -> Vec<Form> {
         }
     }
     let form = |set: String| Form {
-        // What is counted ends by itself.
-        lasts: match set.contains("count = ") {
-            true => vec![FOR_GOOD],
-            false => lasts
+        lasts: match count(&set) {
+            Some(_) => vec![FOR_GOOD],
+            None => lasts
                 .iter()
                 .map(|millis| if *millis == 0 { FOR_GOOD } else { *millis })
                 .collect(),
@@ -173,16 +188,35 @@ pub(super) struct Frame {
     job: PathBuf,
     title: String,
     /// Further rules, as tables of a file.
-    rules: String,
+    rules: Table,
 }
 
 impl Frame {
-    pub(super) fn new(job: &Path, title: &str, rules: &str) -> Self {
+    pub(super) fn new(job: &Path, title: &str, rules: &Table) -> Self {
         Self {
             job: real(job),
             title: title.to_owned(),
-            rules: rules.to_owned(),
+            rules: rules.clone(),
         }
+    }
+
+    /// The same without further rules, and with each of them alone.
+    pub(super) fn with_one_rule(&self) -> Vec<Self> {
+        let others = self.rules.iter().filter(|(key, _)| *key == PARAMETERS);
+        let others = Table::from_iter(others.map(|(key, value)| (key.clone(), value.clone())));
+        let mut all = vec![others.clone()];
+        for (key, rules) in &self.rules {
+            for rule in rules.as_array().into_iter().flatten() {
+                let mut one = others.clone();
+                one.insert(key.clone(), vec![rule.clone()].into());
+                all.push(one);
+            }
+        }
+        let frame = |rules| Self {
+            rules,
+            ..self.clone()
+        };
+        all.into_iter().map(frame).collect()
     }
 
     /// The scenario file of a schedule, to be played and not to be kept.
@@ -222,7 +256,7 @@ impl Frame {
             }
             text += &format!("{action}\noptional = true\n");
         }
-        text + "\n" + &self.rules
+        text + "\n" + &self.rules.to_string()
     }
 }
 
@@ -251,16 +285,22 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
     up.chain(path.components().skip(shared)).collect()
 }
 
-/// The rules and responses of a file, as tables of another one.
+/// Adds the rules and responses of a file, and the parameters that they have.
 ///
 /// # Errors
 /// When it is no TOML, or has none.
-pub(super) fn rules_of(text: &str) -> anyhow::Result<String> {
-    const RULES: [&str; 3] = ["always", "never", "response"];
-    let mut table: toml::Table = text.parse()?;
+pub(super) fn add_rules(rules: &mut Table, text: &str) -> anyhow::Result<()> {
+    let table: Table = text.parse()?;
     if !RULES.iter().any(|key| table.contains_key(*key)) {
         bail!("it has no rule of its own: no [[always]], [[never]] or [[response]]");
     }
-    table.retain(|key, _| RULES.contains(&key) || key == "parameters");
-    Ok(table.to_string())
+    let is_rule = |key: &String| RULES.contains(&key.as_str()) || key == PARAMETERS;
+    for (key, value) in table.into_iter().filter(|(key, _)| is_rule(key)) {
+        match (rules.get_mut(&key), value) {
+            (Some(Toml::Array(all)), Toml::Array(more)) => all.extend(more),
+            (Some(Toml::Table(all)), Toml::Table(more)) => all.extend(more),
+            (_, value) => drop(rules.insert(key, value)),
+        }
+    }
+    Ok(())
 }
