@@ -413,7 +413,7 @@ fn several_jobs_are_searched_and_a_reference_is_played_too() {
     // One that cannot do the job tells nothing.
     with("nosuchcmd", "none")
         .expect_refusal(2, &["--reference", "could not be played", "exit code 127"]);
-    let misspelt = with("python3 carefull.py", "none");
+    let misspelt = with("python3 missing.py", "none");
     misspelt.expect_refusal(2, &["--reference", "exit code 2"]);
     assert!(!folder.path().join("none").exists());
     // The first finding is enough.
