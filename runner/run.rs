@@ -42,12 +42,14 @@ mod agenda;
 mod client;
 mod context;
 mod direct;
+mod excuses;
 mod host;
 mod instant;
 mod judge;
-mod lateness;
 mod margin;
+mod newest;
 mod outcome;
+mod ports;
 mod probe;
 mod published;
 pub(crate) mod record;
@@ -56,14 +58,14 @@ mod responses;
 mod steps;
 mod verdict;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
 use rigsim_core::SimTime;
 use rigsim_core::device::Counters;
 use rigsim_core::event::Event;
-use rigsim_core::line::{ClientLine, Wire};
+use rigsim_core::line::Wire;
 use rigsim_core::report::Report;
 use rigsim_core::rig::{PortId, Rig, RigError};
 use rigsim_physics::WorldMap;
@@ -77,9 +79,11 @@ pub use published::{MOST_LINE, PublishError};
 use crate::condition::Reading;
 use crate::scenario::Scenario;
 use agenda::Agenda;
+use excuses::Excuses;
 use host::HostPort;
 use judge::{Expected, RuleState};
-use lateness::Lateness;
+use newest::Newest;
+use ports::Ports;
 use published::Published;
 use record::Record;
 use recorder::Recorder;
@@ -147,39 +151,43 @@ pub struct Run {
     scenario: Arc<Scenario>,
     options: RunOptions,
     rig: Rig,
-    ports: Vec<PortId>,
-    /// Index in `ports` of each device's first port, and behind them the number of ports.
-    first_ports: Vec<usize>,
+    ports: Ports,
     counters: Vec<Counters>,
     agenda: Agenda,
     steps: Vec<StepState>,
-    rules: Vec<RuleState>,
-    responses: Vec<ResponseState>,
+    expectations: Expectations,
     /// Values that steps have remembered.
     saved: Vec<Option<Reading>>,
     published: Published,
-    expected: Vec<Expected>,
+    excuses: Excuses,
     hosts: BTreeMap<PortId, HostPort>,
-    /// Up to when what a disturbed line looks like is not the client's fault, by device.
-    excused_until: Vec<SimTime>,
-    lateness: Lateness,
-    lines: BTreeMap<PortId, ClientLine>,
-    /// Bytes that have arrived and were not read, by port.
-    unread: Vec<Vec<u8>>,
     recorder: Option<Recorder>,
     /// Set if every byte is looked at when it arrives: for a trace, a scripted client, or one whose
     /// time is the run's.
     follows_bytes: bool,
-    events: VecDeque<Event>,
-    events_lost: u64,
-    /// Things that happened since the last failure.
-    recent: VecDeque<Event>,
-    /// What was in effect at the end.
-    last_in_effect: Option<(Vec<String>, Vec<String>)>,
-    failures: Vec<Failure>,
-    more_failures: u64,
+    events: Newest<Event>,
+    failures: Failures,
     limit: SimTime,
     outcome: Option<Outcome>,
+}
+
+/// What is expected of the client, and how far that has come.
+struct Expectations {
+    rules: Vec<RuleState>,
+    responses: Vec<ResponseState>,
+    /// Steps that wait for what they expect.
+    steps: Vec<Expected>,
+}
+
+/// What has failed, and what happened before.
+struct Failures {
+    list: Vec<Failure>,
+    /// How many more there were.
+    more: u64,
+    /// Things that happened since the last failure.
+    recent: Newest<Event>,
+    /// What was in effect at the end.
+    last_in_effect: Option<(Vec<String>, Vec<String>)>,
 }
 
 impl Run {
@@ -199,46 +207,39 @@ impl Run {
         };
         scenario.check_obstacles(&map).map_err(RunError::World)?;
         let rig = scenario.rig.build(map, options.wire, options.seed);
-        let ports: Vec<PortId> = scenario.rig.links().map(|link| link.id).collect();
-        let first = |device| ports.partition_point(|port| port.device < device);
-        let first_ports = (0..=scenario.rig.devices.len()).map(first).collect();
+        let devices = scenario.rig.devices.len();
+        let ids = scenario.rig.links().map(|link| link.id).collect();
         let recorder = options
             .trace
             .then(|| Recorder::new(&scenario, world, options));
         let mut run = Self {
-            counters: scenario
-                .rig
-                .devices
-                .iter()
-                .map(|_| Counters::default())
-                .collect(),
+            ports: Ports::new(ids, devices),
+            counters: (0..devices).map(|_| Counters::default()).collect(),
             agenda: Agenda::default(),
             steps: StepState::all(&scenario, options.seed),
-            rules: vec![RuleState::default(); scenario.rules.len()],
-            responses: vec![ResponseState::default(); scenario.responses.len()],
+            expectations: Expectations {
+                rules: vec![RuleState::default(); scenario.rules.len()],
+                responses: vec![ResponseState::default(); scenario.responses.len()],
+                steps: Vec::new(),
+            },
             saved: vec![None; scenario.saved.len()],
             published: Published::default(),
-            expected: Vec::new(),
+            excuses: Excuses::new(devices),
             hosts: BTreeMap::new(),
-            excused_until: vec![SimTime::ZERO; scenario.rig.devices.len()],
-            lateness: Lateness::default(),
-            lines: BTreeMap::new(),
-            unread: vec![Vec::new(); ports.len()],
-            follows_bytes: options.trace || !options.live || scenario.scripted.contains(&true),
             recorder,
-            events: VecDeque::new(),
-            events_lost: 0,
-            recent: VecDeque::new(),
-            last_in_effect: None,
-            failures: Vec::new(),
-            more_failures: 0,
+            follows_bytes: options.trace || !options.live || scenario.scripted.contains(&true),
+            events: Newest::new(MOST_EVENTS),
+            failures: Failures {
+                list: Vec::new(),
+                more: 0,
+                recent: Newest::new(MOST_RECENT),
+                last_in_effect: None,
+            },
             limit: SimTime::ZERO + scenario.limit,
             outcome: None,
             scenario,
             options,
             rig,
-            ports,
-            first_ports,
         };
         run.open_script()?;
         run.schedule();
@@ -318,7 +319,7 @@ impl Run {
     /// The ports of all devices.
     #[must_use]
     pub fn ports(&self) -> &[PortId] {
-        &self.ports
+        &self.ports.ids
     }
 
     /// The scenario.
@@ -368,18 +369,18 @@ impl Run {
     /// Number of events that were lost because they were not taken.
     #[must_use]
     pub fn events_lost(&self) -> u64 {
-        self.events_lost + self.rig.events_lost()
+        self.events.lost + self.rig.events_lost()
     }
 
     /// Number of events that are attributed to no party because the simulator was late.
     #[must_use]
     pub fn excused(&self) -> u64 {
-        self.lateness.excused()
+        self.excuses.excused()
     }
 
     /// The next event.
     pub fn poll_event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+        self.events.pop()
     }
 
     /// Writes a line of the trace, if there is one.

@@ -41,8 +41,8 @@ impl Run {
             t: at.as_nanos(),
             port: port.into(),
         });
-        if let Some(index) = self.port_at(port) {
-            self.unread[index].clear();
+        if let Some(index) = self.ports.at(port) {
+            self.ports.unread[index].clear();
         }
         let mut outcome = Ok(());
         self.instant(at, |rig| outcome = rig.detach(port, at))?;
@@ -68,7 +68,7 @@ impl Run {
     /// The client has set its end of the line, at the present time; after the end of the run that
     /// is no part of it.
     pub fn set_line(&mut self, port: PortId, line: ClientLine) {
-        if self.outcome.is_some() || self.lines.insert(port, line) == Some(line) {
+        if self.outcome.is_some() || self.ports.lines.insert(port, line) == Some(line) {
             return;
         }
         let t = self.rig.now().as_nanos();
@@ -82,9 +82,9 @@ impl Run {
 
     /// Adds to `bytes` what has arrived at the client.
     pub fn read(&mut self, port: PortId, bytes: &mut Vec<u8>) {
-        if let Some(index) = self.port_at(port) {
+        if let Some(index) = self.ports.at(port) {
             self.read_port(index, self.rig.now());
-            bytes.append(&mut self.unread[index]);
+            bytes.append(&mut self.ports.unread[index]);
         }
     }
 
@@ -130,7 +130,7 @@ impl Run {
             return;
         }
         if !stood.is_zero() {
-            self.lateness.note(self.rig.now(), stood);
+            self.excuses.note(self.rig.now(), stood);
         }
         let nanos = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
         let t = self.rig.now().as_nanos();

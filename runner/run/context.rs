@@ -2,24 +2,16 @@
 
 use rigsim_core::event::{Event, Role};
 
+use super::Run;
 use super::outcome::Context;
-use super::{MOST_RECENT, Run};
 use crate::scenario::StepAction;
 
 impl Run {
-    /// Takes note of something for the next failure.
-    pub(super) fn remember_recent(&mut self, recent: Event) {
-        if self.recent.len() >= MOST_RECENT {
-            self.recent.pop_front();
-        }
-        self.recent.push_back(recent);
-    }
-
     /// What has happened since the failure before, and what is so now.
     pub(super) fn context(&mut self) -> Context {
-        let before = std::mem::take(&mut self.recent);
+        let before: Vec<Event> = self.failures.recent.take().collect();
         let before = before.iter().map(|recent| self.words(recent)).collect();
-        let (armed, in_effect) = match &self.last_in_effect {
+        let (armed, in_effect) = match &self.failures.last_in_effect {
             Some(last) => last.clone(),
             None => self.in_effect(),
         };

@@ -212,7 +212,7 @@ impl Run {
     #[must_use]
     pub fn failures(&self) -> &[Failure] {
         let outcome = self.outcome.as_ref();
-        outcome.map_or(&self.failures, |outcome| &outcome.failures)
+        outcome.map_or(&self.failures.list, |outcome| &outcome.failures)
     }
 
     /// Report of a step.

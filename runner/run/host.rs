@@ -78,7 +78,7 @@ impl Waiting {
 impl Run {
     /// Opens the scripted client's ports.
     pub(super) fn open_script(&mut self) -> Result<(), RunError> {
-        for port in self.ports.clone() {
+        for port in self.ports.ids.clone() {
             if !self.has_script(port.device) {
                 continue;
             }

@@ -2,10 +2,10 @@
 
 use rigsim_core::SimTime;
 use rigsim_core::event::Level;
-use rigsim_core::rig::{PortId, Rig};
+use rigsim_core::rig::Rig;
 
 use super::record::Record;
-use super::{MOST_EVENTS, MOST_ROUNDS, MOST_UNREAD, NANOSECOND, Run, RunError};
+use super::{MOST_ROUNDS, MOST_UNREAD, NANOSECOND, Run, RunError};
 
 impl Run {
     /// When there is next something to look at, be it only the end. That is all that happens only
@@ -86,7 +86,7 @@ impl Run {
             any = true;
             if !self.follows_bytes {
                 // Before the next reply comes, so that the line does not fill up.
-                for index in self.ports_of(event.device) {
+                for index in self.ports.of(event.device) {
                     self.read_port(index, event.at);
                 }
             }
@@ -103,12 +103,8 @@ impl Run {
                     text: event.kind.to_string(),
                 });
             }
-            self.remember_recent(event.clone());
-            if self.events.len() >= MOST_EVENTS {
-                self.events.pop_front();
-                self.events_lost += 1;
-            }
-            self.events.push_back(event);
+            self.failures.recent.push(event.clone());
+            self.events.push(event);
         }
         any
     }
@@ -116,26 +112,15 @@ impl Run {
     /// Takes what has arrived at the clients' ends.
     fn read_ports(&mut self, at: SimTime) {
         if self.follows_bytes {
-            for index in 0..self.ports.len() {
+            for index in 0..self.ports.ids.len() {
                 self.read_port(index, at);
             }
         }
     }
 
-    /// The ports of a device, as indices.
-    pub(super) fn ports_of(&self, device: usize) -> std::ops::Range<usize> {
-        let bound = |device| self.first_ports.get(device).copied().unwrap_or_default();
-        bound(device)..bound(device.saturating_add(1))
-    }
-
-    /// A port as an index.
-    pub(super) fn port_at(&self, port: PortId) -> Option<usize> {
-        self.ports_of(port.device).nth(port.link)
-    }
-
     pub(super) fn read_port(&mut self, index: usize, at: SimTime) {
-        let port = self.ports[index];
-        let unread = &mut self.unread[index];
+        let port = self.ports.ids[index];
+        let unread = &mut self.ports.unread[index];
         let before = unread.len();
         self.rig.client_reads(port, unread);
         if unread.len() == before {

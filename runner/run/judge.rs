@@ -53,7 +53,7 @@ impl Run {
     pub(super) fn open_window(&mut self, index: usize, after: Option<usize>, now: SimTime) {
         let rule = &self.scenario.rules[index];
         let counts = self.is_judged(rule.only, rule.mission);
-        let state = &mut self.rules[index];
+        let state = &mut self.expectations.rules[index];
         if rule.after != after || state.from.is_some() {
             return;
         }
@@ -70,11 +70,11 @@ impl Run {
     /// Returns whether any condition is to be looked at now and then.
     pub(super) fn is_watched(&self) -> bool {
         let now = self.rig.now();
-        !self.expected.is_empty()
+        !self.expectations.steps.is_empty()
             || self.steps.iter().any(|state| state.watching)
             || self.awaits_responses()
             || self.steps_with_end().next().is_some()
-            || self.rules.iter().any(|rule| {
+            || self.expectations.rules.iter().any(|rule| {
                 let goes_on = rule.until.is_none_or(|until| now < until);
                 !rule.closed && rule.from.is_some_and(|from| from <= now) && goes_on
             })
@@ -169,7 +169,7 @@ impl Run {
 
     fn judge_expected(&mut self, now: SimTime) {
         let scenario = std::sync::Arc::clone(&self.scenario);
-        let waiting = std::mem::take(&mut self.expected);
+        let waiting = std::mem::take(&mut self.expectations.steps);
         for expected in waiting {
             let StepAction::Expect {
                 that,
@@ -194,7 +194,7 @@ impl Run {
                 }
                 Ok(false) if expected.due > now => {
                     self.note_nearness(expected.step, that, now);
-                    self.expected.push(expected);
+                    self.expectations.steps.push(expected);
                     continue;
                 }
                 Ok(false) => Some(self.not_held(expected.step, that, message.as_deref())),
@@ -211,17 +211,17 @@ impl Run {
     fn judge_rules(&mut self, now: SimTime) {
         let scenario = std::sync::Arc::clone(&self.scenario);
         for (index, rule) in scenario.rules.iter().enumerate() {
-            let state = self.rules[index];
+            let state = self.expectations.rules[index];
             let begun = state.from.is_some_and(|from| from <= now);
             if state.closed || !begun || state.until.is_some_and(|until| until < now) {
                 continue;
             }
             let looked = self.look(&rule.that);
-            self.rules[index].looked_at |= !matches!(looked, Ok(None));
+            self.expectations.rules[index].looked_at |= !matches!(looked, Ok(None));
             let what = match looked {
                 Ok(None) => continue,
                 Ok(Some(holds)) if holds == rule.must_hold => {
-                    let state = &mut self.rules[index];
+                    let state = &mut self.expectations.rules[index];
                     if let Some(since) = state.broken.take() {
                         let used = now.since(since);
                         state.slack.note_time(used, rule.longer_than, now);
@@ -230,7 +230,7 @@ impl Run {
                     continue;
                 }
                 Ok(Some(_)) => {
-                    let state = &mut self.rules[index];
+                    let state = &mut self.expectations.rules[index];
                     let since = *state.broken.get_or_insert(now);
                     if now < since + rule.longer_than {
                         let used = now.since(since);
@@ -244,8 +244,8 @@ impl Run {
                 }
                 Err(why) => why.to_string(),
             };
-            self.rules[index].closed = true;
-            self.rules[index].slack.break_at(now);
+            self.expectations.rules[index].closed = true;
+            self.expectations.rules[index].slack.break_at(now);
             self.note_failure(FailureKind::Rule, now, None, what);
         }
     }
@@ -297,10 +297,11 @@ impl Run {
     pub(super) fn is_excused(&mut self, event: &Event) -> bool {
         let attribution = event.kind.code().attribution();
         let disturbed = self
-            .excused_until
+            .excuses
+            .disturbed_until
             .get(event.device)
             .is_some_and(|until| event.at <= *until + attribution.looks_back());
-        disturbed && attribution.spares_disturbed() || self.lateness.excuses(event)
+        disturbed && attribution.spares_disturbed() || self.excuses.excuses(event)
     }
 }
 

@@ -63,12 +63,12 @@ impl Run {
     /// Measures how far a rule that is kept is from being broken. Before the time of a `longer_than`
     /// begins, the whole of it is left.
     pub(super) fn measure(&mut self, index: usize, rule: &Rule, now: SimTime) {
-        if now < self.rules[index].slack.next {
+        if now < self.expectations.rules[index].slack.next {
             return;
         }
         let distance = self.distance(&rule.that, rule.must_hold);
         let time_left = f64::from(u8::from(!rule.longer_than.is_zero()));
-        let slack = &mut self.rules[index].slack;
+        let slack = &mut self.expectations.rules[index].slack;
         slack.note(distance + time_left, now);
         // On a grid, so that one instant more or less shifts nothing.
         let pause = EVERY.mul_f64(1.0 + (9.0 * distance.min(1.0)).floor());
@@ -83,9 +83,13 @@ impl Run {
 
     /// The margins of everything that was judged.
     pub(super) fn margins(&self) -> Vec<Margin> {
-        let rules = self.scenario.rules.iter().zip(&self.rules);
+        let rules = self.scenario.rules.iter().zip(&self.expectations.rules);
         let rules = rules.filter_map(|(rule, state)| state.slack.margin(rule.words()));
-        let responses = self.scenario.responses.iter().zip(&self.responses);
+        let responses = self
+            .scenario
+            .responses
+            .iter()
+            .zip(&self.expectations.responses);
         let responses =
             responses.filter_map(|(response, state)| state.slack.margin(response.words()));
         let steps = self.scenario.steps.iter().zip(&self.steps);

@@ -74,7 +74,7 @@ impl Run {
             t: at.as_nanos(),
             line: line.chars().take(MOST_LINE + 1).collect(),
         });
-        let port = self.ports.first().copied();
+        let port = self.ports.ids.first().copied();
         let used = values.map(|values| self.published.values.extend(values));
         self.agenda.plan(at, Item::Look);
         self.instant(at, |rig| {

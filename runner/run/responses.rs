@@ -37,7 +37,11 @@ struct Pending {
 impl Run {
     /// Returns whether any condition is to be looked at for a response.
     pub(super) fn awaits_responses(&self) -> bool {
-        let all = self.scenario.responses.iter().zip(&self.responses);
+        let all = self
+            .scenario
+            .responses
+            .iter()
+            .zip(&self.expectations.responses);
         all.into_iter().any(|(response, state)| {
             let watched = matches!(response.to, Cause::Whenever(_))
                 && self.is_judged(response.only, response.mission);
@@ -56,13 +60,15 @@ impl Run {
     }
 
     fn await_response(&mut self, index: usize, response: &Response, now: SimTime) {
-        let pending = self.responses[index].pending.len();
+        let pending = self.expectations.responses[index].pending.len();
         if !self.is_judged(response.only, response.mission) || pending >= MOST_PENDING {
             return;
         }
         let (since, came) = (now, false);
-        self.responses[index].was_due = true;
-        self.responses[index].pending.push(Pending { since, came });
+        self.expectations.responses[index].was_due = true;
+        self.expectations.responses[index]
+            .pending
+            .push(Pending { since, came });
         for end in [Some(response.within), response.until]
             .into_iter()
             .flatten()
@@ -76,7 +82,8 @@ impl Run {
         for (index, response) in scenario.responses.iter().enumerate() {
             if let Cause::Whenever(cause) = &response.to {
                 let caused = self.holds(cause).unwrap_or(false);
-                let before = std::mem::replace(&mut self.responses[index].caused, caused);
+                let before =
+                    std::mem::replace(&mut self.expectations.responses[index].caused, caused);
                 if caused && !before {
                     self.await_response(index, response, now);
                 }
@@ -86,12 +93,12 @@ impl Run {
     }
 
     fn judge_response(&mut self, index: usize, response: &Response, now: SimTime) {
-        if self.responses[index].pending.is_empty() {
+        if self.expectations.responses[index].pending.is_empty() {
             return;
         }
         let holds = self.holds(&response.then).unwrap_or(false);
         let mut failed = Vec::new();
-        let ResponseState { pending, slack, .. } = &mut self.responses[index];
+        let ResponseState { pending, slack, .. } = &mut self.expectations.responses[index];
         pending.retain_mut(|pending| {
             let over = |time| now >= pending.since + time;
             if !holds {
@@ -117,7 +124,7 @@ impl Run {
     /// Responses and rules that were to be judged and that nothing was asked of, in words.
     pub(super) fn not_judged(&self) -> Vec<String> {
         let now = self.rig.now();
-        let rules = self.scenario.rules.iter().zip(&self.rules);
+        let rules = self.scenario.rules.iter().zip(&self.expectations.rules);
         let rules = rules.filter(|(rule, _)| self.is_judged(rule.only, rule.mission));
         let rules = rules.filter_map(|(rule, state)| {
             let why = state.not_judged(rule, now)?;
@@ -125,7 +132,11 @@ impl Run {
             let may_not = after.is_some_and(|step| step.optional);
             (!may_not).then(|| format!("{}: {why}", rule.words()))
         });
-        let responses = self.scenario.responses.iter().zip(&self.responses);
+        let responses = self
+            .scenario
+            .responses
+            .iter()
+            .zip(&self.expectations.responses);
         let responses = responses.filter(|(response, state)| {
             !state.was_due && !response.optional && self.is_judged(response.only, response.mission)
         });

@@ -123,7 +123,7 @@ impl Run {
                 self.agenda.plan(at, Item::Occur(index));
             }
         }
-        for rule in 0..self.rules.len() {
+        for rule in 0..self.expectations.rules.len() {
             self.open_window(rule, None, SimTime::ZERO);
         }
         self.agenda.plan(SimTime::ZERO, Item::Look);
@@ -272,7 +272,7 @@ impl Run {
             StepAction::Effect(effect) => self.apply(index, step, effect, now),
             StepAction::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
-                self.expected.push(Expected { step: index, due });
+                self.expectations.steps.push(Expected { step: index, due });
                 self.agenda.plan(due, Item::Look);
                 self.steps[index].pending += 1;
                 None
@@ -320,7 +320,7 @@ impl Run {
                     self.hang_up(step.device, now);
                 }
                 if effect.effect().disturbs_requests() {
-                    self.excused_until[step.device] = SimTime::MAX;
+                    self.excuses.disturbed_until[step.device] = SimTime::MAX;
                 }
                 handle
             }
@@ -340,7 +340,9 @@ impl Run {
     fn cut_short(&mut self, index: usize, now: SimTime) {
         self.agenda.take_all_of(index);
         self.end_all(index);
-        self.expected.retain(|expected| expected.step != index);
+        self.expectations
+            .steps
+            .retain(|expected| expected.step != index);
         let state = &mut self.steps[index];
         state.watching = false;
         state.put_off = false;
@@ -369,9 +371,10 @@ impl Run {
         state.counts.hit += u64::from(hits > 0);
         self.rig.clear(effect);
         let device = self.scenario.steps[index].device;
-        if !self.is_line_disturbed(device) && self.excused_until[device] == SimTime::MAX {
+        if !self.is_line_disturbed(device) && self.excuses.disturbed_until[device] == SimTime::MAX {
             let held_back = self.held_back(device);
-            self.excused_until[device] = self.rig.now() + super::judge::EXCUSED_AFTER + held_back;
+            self.excuses.disturbed_until[device] =
+                self.rig.now() + super::judge::EXCUSED_AFTER + held_back;
         }
     }
 
@@ -427,7 +430,7 @@ impl Run {
                 self.begin(other, now);
             }
         }
-        for rule in 0..self.rules.len() {
+        for rule in 0..self.expectations.rules.len() {
             self.open_window(rule, Some(index), now);
         }
     }

@@ -7,6 +7,7 @@ mod steps;
 mod traces;
 
 use super::*;
+use rigsim_core::line::ClientLine;
 use rigsim_core::settings::SimSettings;
 
 const HEAD: &str = "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\n";

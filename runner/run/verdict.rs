@@ -62,9 +62,9 @@ impl Run {
         });
         if let Some(outcome) = &mut self.outcome {
             outcome.fail(what);
-        } else if self.failures.len() < MOST_FAILURES {
+        } else if self.failures.list.len() < MOST_FAILURES {
             let context = self.context();
-            self.failures.push(Failure {
+            self.failures.list.push(Failure {
                 kind,
                 at,
                 step,
@@ -72,29 +72,29 @@ impl Run {
                 context,
             });
         } else {
-            self.more_failures += 1;
+            self.failures.more += 1;
         }
     }
 
     /// The run is over: what did not come, and what came of it all.
     pub(super) fn finish(&mut self) {
         let now = self.rig.now();
-        self.last_in_effect = Some(self.in_effect());
+        self.failures.last_in_effect = Some(self.in_effect());
         self.fail_what_waits(now);
         let mut missed = Vec::new();
         let faults = self.close_faults(&mut missed);
         self.find_what_never_began(now, &mut missed);
         let not_applicable = self.judge_missed(missed, now);
         self.judge_reports(now);
-        self.failures.sort_by_key(|failure| failure.kind);
-        let passed = self.failures.is_empty() && not_applicable.is_empty();
+        self.failures.list.sort_by_key(|failure| failure.kind);
+        let passed = self.failures.list.is_empty() && not_applicable.is_empty();
         let outcome = Outcome {
             passed,
             title: self.scenario.title.clone(),
             seed: self.options.seed,
             ended_at: now,
-            failures: std::mem::take(&mut self.failures),
-            more_failures: self.more_failures,
+            failures: std::mem::take(&mut self.failures.list),
+            more_failures: self.failures.more,
             faults,
             devices: self
                 .scenario
@@ -128,7 +128,7 @@ impl Run {
     fn fail_what_waits(&mut self, now: SimTime) {
         let scenario = Arc::clone(&self.scenario);
         let endless = |step: usize| scenario.steps[step].is_endless();
-        for expected in std::mem::take(&mut self.expected) {
+        for expected in std::mem::take(&mut self.expectations.steps) {
             if endless(expected.step) {
                 continue;
             }

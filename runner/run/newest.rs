@@ -1,0 +1,39 @@
+//! The newest of many things.
+
+use std::collections::VecDeque;
+
+/// Things that are kept until they are taken, up to a number; beyond it the oldest are lost.
+pub(super) struct Newest<T> {
+    kept: VecDeque<T>,
+    most: usize,
+    /// How many were lost.
+    pub(super) lost: u64,
+}
+
+impl<T> Newest<T> {
+    pub(super) fn new(most: usize) -> Self {
+        Self {
+            kept: VecDeque::new(),
+            most,
+            lost: 0,
+        }
+    }
+
+    pub(super) fn push(&mut self, one: T) {
+        if self.kept.len() >= self.most {
+            self.kept.pop_front();
+            self.lost += 1;
+        }
+        self.kept.push_back(one);
+    }
+
+    /// Takes the oldest.
+    pub(super) fn pop(&mut self) -> Option<T> {
+        self.kept.pop_front()
+    }
+
+    /// Takes all, the oldest first.
+    pub(super) fn take(&mut self) -> impl Iterator<Item = T> {
+        self.kept.drain(..)
+    }
+}
