@@ -208,6 +208,44 @@ fn the_world_outside_has_real_time_and_is_named() {
     assert_eq!(named, [&format!("tcp 127.0.0.1:{port}")]);
 }
 
+/// The other end of a named pipe is another program's; that of a pseudo-terminal is the run's.
+#[test]
+fn a_pipe_that_no_process_of_the_run_writes_is_outside() {
+    let Some(python3) = program("python3") else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let fifo = folder.path().join("fifo");
+    let mode = rustix::fs::Mode::RWXU;
+    rustix::fs::mknodat(rustix::fs::CWD, &fifo, rustix::fs::FileType::Fifo, mode, 0)
+        .expect("a pipe");
+    let writer = "import os, sys, time; file = os.open(sys.argv[1], os.O_WRONLY); time.sleep(1.5); \
+                  os.write(file, b'late'); time.sleep(1)";
+    let mut command = Command::new(python3);
+    command.args(["-c", writer, text(&fifo)]);
+    // The tracer reaps the children of its own thread.
+    let starting = std::thread::spawn(move || spawn(&mut command).expect("a writer"));
+    let mut writer = starting.join().expect("it has started");
+    let code = format!(
+        "import os, pty, threading, time; file = os.open({:?}, os.O_RDONLY | os.O_NONBLOCK); \
+         os.set_blocking(file, True); m, s = pty.openpty(); r, w = os.pipe(); \
+         threading.Timer(50, lambda: (os.write(m, b'x\\n'), os.write(w, b'y'))).start(); \
+         print(os.read(s, 9), os.read(r, 9), time.monotonic() >= 1050)\n\
+         while not (part := os.read(file, 9)): time.sleep(0.01)\n\
+         print(part)",
+        text(&fifo)
+    );
+    let played = python(&code).expect("there is a Python");
+    writer.wait().expect("it has written");
+    assert_eq!(
+        played.output, "b'x\\n' b'y' True\nb'late'\n",
+        "{:?}",
+        played.ending
+    );
+    let named: Vec<&str> = played.ending.outside.iter().map(String::as_str).collect();
+    assert_eq!(named, [text(&fifo)]);
+}
+
 #[test]
 fn what_cannot_be_is_refused_in_words() {
     let played = c_played(

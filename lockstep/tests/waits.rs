@@ -613,3 +613,40 @@ fn a_pipe_ends_when_its_other_end_is_closed_in_any_way() {
         &"0.0\n".repeat(6),
     );
 }
+
+/// Several wait for one event. The kernel would keep those that come late for it, in its own time.
+#[test]
+fn one_of_several_that_wait_gets_what_is_there() {
+    prints(
+        r#"
+import os, select, socket, threading, time
+start = time.monotonic()
+def at(): return round(time.monotonic() - start, 3)
+def served(name, take, give):
+    pids = []
+    for n in range(2):
+        if not (pid := os.fork()):
+            take(); print(name, n, at(), flush=True); os._exit(0)
+        pids.append(pid)
+    for _ in pids: time.sleep(0.5); give()
+    for pid in pids: os.waitpid(pid, 0)
+server = socket.create_server(("127.0.0.1", 0))
+served("accept", server.accept, lambda: socket.create_connection(server.getsockname()))
+r, w = os.pipe()
+served("read", lambda: os.read(r, 1), lambda: os.write(w, b"x"))
+events = select.epoll(); events.register(r, select.EPOLLIN)
+def take(): events.poll(); os.read(r, 1)
+served("epoll", take, lambda: os.write(w, b"x"))
+r, w = os.pipe()
+for n in range(2):
+    if not os.fork():
+        os.close(r)
+        for _ in range(60): os.write(w, bytes(4096))
+        os._exit(0)
+os.close(w); count = 0
+while part := os.read(r, 4096): count += len(part); time.sleep(0.001)
+print(count)
+"#,
+        "accept 0 0.5\naccept 1 1.0\nread 0 1.5\nread 1 2.0\nepoll 0 2.5\nepoll 1 3.0\n491520\n",
+    );
+}

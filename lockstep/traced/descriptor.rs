@@ -3,15 +3,16 @@
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
-use std::os::fd::{AsRawFd as _, OwnedFd};
+use std::os::fd::{AsFd, AsRawFd as _, OwnedFd};
 use std::rc::Rc;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::fs::{AtFlags, FileType, OFlags, StatxFlags, makedev, statx};
+use rustix::fs::{AtFlags, CWD, FileType, OFlags, StatxFlags, makedev, statx};
 use rustix::io::Errno;
 use rustix::net::SendFlags;
 
 use crate::copies;
+use crate::traced::sys::Tid;
 
 /// The descriptors that a process has used, until it closes them; `None` for one that cannot be known.
 pub(crate) type Files = Rc<RefCell<BTreeMap<i32, Option<Rc<Descriptor>>>>>;
@@ -19,12 +20,41 @@ pub(crate) type Files = Rc<RefCell<BTreeMap<i32, Option<Rc<Descriptor>>>>>;
 pub(crate) struct Descriptor {
     /// Our own descriptor of the same file.
     pub(crate) file: OwnedFd,
+    pub(crate) status: Status,
+    /// Peer of it that was found to be of the run.
+    pub(crate) known_peer: Cell<Option<SocketAddr>>,
+    /// Process of the run, and number there, that was found to hold its other end.
+    pub(crate) known_holder: Cell<Option<(Tid, i32)>>,
+}
+
+/// What a file is.
+pub(crate) struct Status {
     kind: FileType,
     /// The device that it is, if it is one.
     pub(crate) device: u64,
-    inode: (u64, u64),
-    /// Peer of it that was found to be of the run.
-    pub(crate) known_peer: Cell<Option<SocketAddr>>,
+    /// Its file system, and its number there.
+    pub(crate) inode: (u64, u64),
+}
+
+impl Status {
+    /// As far as its file system knows: that may have a program to ask, which may be of the run.
+    pub(crate) fn of(folder: impl AsFd, path: &str) -> Option<Self> {
+        let flags = AtFlags::EMPTY_PATH | AtFlags::STATX_DONT_SYNC;
+        let stat = statx(folder, path, flags, StatxFlags::BASIC_STATS).ok()?;
+        Some(Self {
+            kind: FileType::from_raw_mode(stat.stx_mode.into()),
+            device: makedev(stat.stx_rdev_major, stat.stx_rdev_minor),
+            inode: (
+                makedev(stat.stx_dev_major, stat.stx_dev_minor),
+                stat.stx_ino,
+            ),
+        })
+    }
+
+    /// The same of a descriptor of a process.
+    pub(crate) fn of_process(process: Tid, fd: i32) -> Option<Self> {
+        Self::of(CWD, &format!("/proc/{process}/fd/{fd}"))
+    }
 }
 
 /// Bytes that a pipe or a socket takes at once if a poll says that it has room.
@@ -40,24 +70,18 @@ pub(crate) const EVER_READY: PollFlags = PollFlags::IN
 pub(crate) const QUEUES: rustix::fs::FsWord = 0x1980_0202;
 
 impl Descriptor {
-    /// It is what its file system knows: that may have a program to ask, which may be of the run.
     pub(crate) fn new(file: OwnedFd) -> Option<Self> {
-        let flags = AtFlags::EMPTY_PATH | AtFlags::STATX_DONT_SYNC;
-        let stat = statx(&file, c"", flags, StatxFlags::BASIC_STATS).ok()?;
+        let status = Status::of(&file, "")?;
         Some(Self {
             file,
-            kind: FileType::from_raw_mode(stat.stx_mode.into()),
-            device: makedev(stat.stx_rdev_major, stat.stx_rdev_minor),
-            inode: (
-                makedev(stat.stx_dev_major, stat.stx_dev_minor),
-                stat.stx_ino,
-            ),
+            status,
             known_peer: Cell::new(None),
+            known_holder: Cell::new(None),
         })
     }
 
     pub(crate) fn kind(&self) -> FileType {
-        self.kind
+        self.status.kind
     }
 
     /// Never waits: files, and devices without end.
@@ -65,19 +89,19 @@ impl Descriptor {
         match self.kind() {
             FileType::RegularFile | FileType::Directory | FileType::BlockDevice => true,
             // /dev/mem, null, zero, full and the like.
-            FileType::CharacterDevice => rustix::fs::major(self.device) == 1,
+            FileType::CharacterDevice => rustix::fs::major(self.status.device) == 1,
             _ => false,
         }
     }
 
     pub(crate) fn is_random(&self) -> bool {
         self.kind().is_char_device()
-            && rustix::fs::major(self.device) == 1
-            && matches!(rustix::fs::minor(self.device), 8 | 9)
+            && rustix::fs::major(self.status.device) == 1
+            && matches!(rustix::fs::minor(self.status.device), 8 | 9)
     }
 
     pub(crate) fn inode(&self) -> (u64, u64) {
-        self.inode
+        self.status.inode
     }
 
     pub(crate) fn is_pipe(&self) -> bool {

@@ -5,11 +5,11 @@ use std::os::fd::OwnedFd;
 use std::rc::Rc;
 
 use rustix::event::{PollFd, PollFlags};
-use rustix::fs::{AtFlags, CWD, Mode, OFlags, StatxFlags, makedev, statx};
+use rustix::fs::{Mode, OFlags};
 use rustix::process::PidfdGetfdFlags;
 
-use crate::traced::descriptor::{Descriptor, EVER_READY, QUEUES, is_any_ready};
-use crate::traced::proc::{Signals, files_of, info_of, members_of_epoll, number, path_of};
+use crate::traced::descriptor::{Descriptor, EVER_READY, QUEUES, Status, is_any_ready};
+use crate::traced::proc::{Signals, descriptors_of, info_of, members_of_epoll, number, path_of};
 use crate::traced::sys::Tid;
 use crate::traced::syscall::Handling;
 use crate::traced::tracer::Tracer;
@@ -88,7 +88,7 @@ impl Tracer<'_> {
         if !descriptor.kind().is_char_device() {
             return None;
         }
-        let device = descriptor.device;
+        let device = descriptor.status.device;
         self.ports.iter().position(|port| port.is_device(device))
     }
 
@@ -150,11 +150,8 @@ impl Tracer<'_> {
     pub(crate) fn holds_port(&self, index: usize) -> bool {
         let port = &self.ports[index];
         self.tree.processes.keys().any(|pid| {
-            files_of(*pid).any(|path| {
-                let file = statx(CWD, path, AtFlags::STATX_DONT_SYNC, StatxFlags::TYPE);
-                file.is_ok_and(|file| {
-                    port.is_device(makedev(file.stx_rdev_major, file.stx_rdev_minor))
-                })
+            descriptors_of(*pid).any(|fd| {
+                Status::of_process(*pid, fd).is_some_and(|one| port.is_device(one.device))
             })
         })
     }

@@ -6,9 +6,10 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::net::AddressFamily;
 
 use crate::traced::arch::Syscall;
-use crate::traced::descriptor::Descriptor;
+use crate::traced::descriptor::{Descriptor, Status};
 use crate::traced::memory::Memory;
 use crate::traced::proc::{
     descriptors_of, files_of, info_of, members_of_epoll, name_of, syscall_of,
@@ -64,7 +65,7 @@ impl Tracer<'_> {
     }
 
     fn outside(&self, descriptor: Rc<Descriptor>, flags: PollFlags) -> Option<Outside> {
-        let name = self.outside_name(&descriptor)?;
+        let name = self.outside_name(&descriptor, flags)?;
         Some(Outside {
             descriptor,
             flags,
@@ -72,9 +73,24 @@ impl Tracer<'_> {
         })
     }
 
-    fn outside_name(&self, descriptor: &Descriptor) -> Option<String> {
+    fn outside_name(&self, descriptor: &Descriptor, flags: PollFlags) -> Option<String> {
         if descriptor.is_socket() {
             return self.peer(descriptor);
+        }
+        if descriptor.is_pipe() {
+            let other = if flags.contains(PollFlags::OUT) {
+                libc::O_RDONLY
+            } else {
+                libc::O_WRONLY
+            };
+            let is_held = self.is_held(descriptor, |pid, fd| {
+                let mode =
+                    info_of(pid, fd, "flags:").and_then(|text| i32::from_str_radix(&text, 8).ok());
+                mode.is_some_and(|mode| [other, libc::O_RDWR].contains(&(mode & libc::O_ACCMODE)))
+                    && Status::of_process(pid, fd)
+                        .is_some_and(|one| one.inode == descriptor.inode())
+            });
+            return if is_held { None } else { descriptor.path() };
         }
         if !descriptor.kind().is_char_device()
             || descriptor.never_waits()
@@ -86,22 +102,32 @@ impl Tracer<'_> {
         let path = descriptor
             .path()
             .filter(|path| !path.ends_with(" (deleted)"))?;
-        (!self.is_terminal_of_run(descriptor.device)).then_some(path)
-    }
-
-    /// Returns whether a device is an end of a pseudo-terminal whose master a process of the run has.
-    fn is_terminal_of_run(&self, device: u64) -> bool {
-        match (rustix::fs::major(device), rustix::fs::minor(device)) {
-            // The master itself.
+        let device = descriptor.status.device;
+        let is_of_run = match (rustix::fs::major(device), rustix::fs::minor(device)) {
+            // The master of a pseudo-terminal itself.
             (5, 2) => true,
             (136, index) => {
-                let index = index.to_string();
-                let is_it = |pid: Tid, fd| info_of(pid, fd, "tty-index:") == Some(index.clone());
-                let mut processes = self.tree.processes.keys();
-                processes.any(|pid| descriptors_of(*pid).any(|fd| is_it(*pid, fd)))
+                let index = Some(index.to_string());
+                self.is_held(descriptor, |pid, fd| {
+                    info_of(pid, fd, "tty-index:") == index
+                })
             }
             _ => false,
-        }
+        };
+        (!is_of_run).then_some(path)
+    }
+
+    /// Returns whether a process of the run has a descriptor that is the other end of one.
+    fn is_held(&self, descriptor: &Descriptor, is_it: impl Fn(Tid, i32) -> bool) -> bool {
+        // To look at all takes long.
+        let known = descriptor.known_holder.get();
+        let holder = known.filter(|(pid, fd)| is_it(*pid, *fd)).or_else(|| {
+            let processes = self.tree.processes.keys();
+            let mut all = processes.flat_map(|pid| descriptors_of(*pid).map(|fd| (*pid, fd)));
+            all.find(|(pid, fd)| is_it(*pid, *fd))
+        });
+        descriptor.known_holder.set(holder);
+        holder.is_some()
     }
 
     /// Notes a socket that sends to an address of another machine, and so may get an answer.
@@ -143,11 +169,21 @@ impl Tracer<'_> {
         let word = if is_stream { "tcp" } else { "udp" };
         let own = rustix::net::getsockname(file).ok()?;
         let family = own.address_family();
-        if family == rustix::net::AddressFamily::UNIX {
+        if family == AddressFamily::UNIX {
             let peer = rustix::net::sockopt::socket_peercred(file).ok()?;
             let pid = peer.pid.as_raw_nonzero().get();
             let is_ours = self.tree.processes.contains_key(&pid) || pid == own_pid();
             return (!is_ours).then(|| format!("a unix socket of process {pid}"));
+        }
+        // As for a CAN bus, or Bluetooth.
+        if ![
+            AddressFamily::INET,
+            AddressFamily::INET6,
+            AddressFamily::NETLINK,
+        ]
+        .contains(&family)
+        {
+            return Some(format!("a socket of address family {}", family.as_raw()));
         }
         let own = SocketAddr::try_from(own).ok()?;
         match rustix::net::getpeername(file).ok().flatten() {

@@ -47,7 +47,7 @@ impl Tracer<'_> {
         let deadline = patience.map(|patience| self.now.saturating_add(nanoseconds(patience)));
         let wait = Wait::PortRead {
             port: index,
-            device: descriptor.device,
+            device: descriptor.status.device,
             seen: unread,
             rule,
             into,

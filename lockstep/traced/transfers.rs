@@ -76,10 +76,7 @@ impl Tracer<'_> {
             && !source.is_nonblocking()
             && (call != Syscall::Splice || a[5] & u64::from(libc::SPLICE_F_NONBLOCK) == 0)
         {
-            let result = PollResult::Call {
-                late: 0,
-                has_more: true,
-            };
+            let result = PollResult::Call { late: 0 };
             let (set, mask) = (vec![(fd, PollFlags::IN)], None);
             return Ok(Handling::Block(Wait::Poll { set, result, mask }, None));
         }
@@ -225,11 +222,7 @@ impl Tracer<'_> {
         if let Some(parts) = parts {
             return self.write(entry, descriptor, &parts, deadline);
         }
-        let result = PollResult::Call {
-            late,
-            // Perhaps a timer, which counts how often it has run out; or several messages.
-            has_more: descriptor.is_anonymous() || call == Syscall::Recvmmsg,
-        };
+        let result = PollResult::Call { late };
         let (set, mask) = (vec![(fd, flags)], None);
         Ok(Handling::Block(Wait::Poll { set, result, mask }, deadline))
     }

@@ -117,9 +117,8 @@ pub(crate) enum PollResult {
     },
     /// The kernel writes it: events of an epoll.
     Kernel,
-    /// It is no poll, but a syscall that can then be made. What that returns at the deadline. Some syscalls
-    /// have more to them and are handled once more.
-    Call { late: i64, has_more: bool },
+    /// It is no poll, but a syscall that is then handled once more. What that returns at the deadline.
+    Call { late: i64 },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

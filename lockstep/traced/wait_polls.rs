@@ -8,15 +8,15 @@ use crate::traced::sys::Tid;
 use crate::traced::syscall::{Halt, counted};
 use crate::traced::terminal::room;
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::State;
+use crate::traced::tree::{State, Thread};
 use crate::traced::wait::{PollResult, Resume, Wait};
 
 /// Result of a poll of a wait.
 enum Polled {
     /// It goes on.
     Waits,
-    /// The syscall is made as it is.
-    Make,
+    /// The syscall is made as it is, or is handled once more, before another can take what it is for.
+    Make(Resume),
     Answer(i64),
     /// The syscall is made again, since it is at its end.
     Again,
@@ -27,23 +27,31 @@ impl Tracer<'_> {
     /// Polls all waits; returns whether any thread can resume.
     pub(crate) fn poll_waits(&mut self) -> Result<bool, Halt> {
         let (mut any, happened) = (false, self.schedule.happened);
-        // Those that have not been polled since something has happened.
-        for tid in self.tree.all(|one| {
-            one.block()
-                .is_some_and(|block| block.polled_at < self.schedule.happened)
-        }) {
-            any |= self.poll_wait(tid)?;
+        let polled_at = |one: &Thread| one.block().map(|block| block.polled_at);
+        // Those that have not been polled since something has happened; first those that were so long ago.
+        let mut all = self
+            .tree
+            .all(|one| polled_at(one).is_some_and(|at| at < happened));
+        all.sort_by_key(|tid| self.tree.threads.get(tid).and_then(polled_at));
+        for tid in all {
+            let (resumes, is_last) = self.poll_wait(tid, !any)?;
+            any |= resumes;
+            if is_last {
+                break;
+            }
         }
         // A write that waits for more room has filled what there was.
         Ok(any || happened < self.schedule.happened)
     }
 
-    fn poll_wait(&mut self, tid: Tid) -> Result<bool, Halt> {
+    /// Polls a wait, while no other thread can resume or some can; returns whether this one can now, and
+    /// whether no other is to be polled before those that can have run.
+    fn poll_wait(&mut self, tid: Tid, is_first: bool) -> Result<(bool, bool), Halt> {
         let happened = self.schedule.happened;
         let Some(block) = self.tree.block_of(tid) else {
-            return Ok(false);
+            return Ok((false, false));
         };
-        block.polled_at = happened;
+        let before = std::mem::replace(&mut block.polled_at, happened);
         let mut registers = block.registers;
         let (asked, ends) = (block.deadline, block.ends());
         // Taken out for the poll, and put back if it goes on.
@@ -58,14 +66,21 @@ impl Tracer<'_> {
             Err(Halt::Make) => Polled::Answer(-i64::from(libc::EFAULT)),
             look => look?,
         };
+        let is_made = matches!(look, Polled::Make(_));
         let next = match look {
+            _ if is_made && !is_first => {
+                if let Some(block) = self.tree.block_of(tid) {
+                    (block.wait, block.polled_at) = (wait, before);
+                }
+                return Ok((false, true));
+            }
             Polled::Waits => {
                 if let Some(block) = self.tree.block_of(tid) {
                     (block.wait, block.deadline) = (wait, deadline);
                 }
-                return Ok(false);
+                return Ok((false, false));
             }
-            Polled::Make => Resume::Go(0),
+            Polled::Make(resume) => resume,
             Polled::Answer(result) => {
                 registers.answer(tid, result)?;
                 Resume::Go(0)
@@ -81,7 +96,7 @@ impl Tracer<'_> {
             Polled::Resume(resume) => resume,
         };
         self.tree.set_state(tid, State::Ready(next));
-        Ok(true)
+        Ok((true, is_made))
     }
 
     /// Returns whether what is waited for is there.
@@ -97,11 +112,11 @@ impl Tracer<'_> {
                 if found.iter().all(PollFlags::is_empty) {
                     return Ok(Polled::Waits);
                 }
-                if matches!(result, PollResult::Call { has_more: true, .. }) {
-                    return Ok(Polled::Resume(Resume::Syscall { backed_off: true }));
+                if matches!(result, PollResult::Call { .. }) {
+                    return Ok(Polled::Make(Resume::Syscall { backed_off: true }));
                 }
                 let answer = self.answer_poll(tid, set, &found, result, deadline)?;
-                answer.map_or(Polled::Make, Polled::Answer)
+                answer.map_or(Polled::Make(Resume::Go(0)), Polled::Answer)
             }
             Wait::PortRead {
                 port,
@@ -117,7 +132,7 @@ impl Tracer<'_> {
                     Polled::Answer(self.receive(tid, *port, into)?)
                 }
                 // The system says that it is gone.
-                _ => Polled::Make,
+                _ => Polled::Make(Resume::Go(0)),
             },
             Wait::Write {
                 to,
@@ -135,7 +150,7 @@ impl Tracer<'_> {
                     }
                 }
                 // The system says why.
-                None if *sent == 0 => Polled::Make,
+                None if *sent == 0 => Polled::Make(Resume::Go(0)),
                 None => Polled::Answer(counted(*sent.min(count))),
             },
             // Each time something has happened; but not when it is too late.
@@ -186,7 +201,7 @@ impl Tracer<'_> {
                 let mut registers = Registers::of(tid)?;
                 registers.set_result(*late);
                 registers.set(tid)?;
-                Polled::Make
+                Polled::Resume(Resume::Go(0))
             }
             Wait::PortRead { port, into, .. } => match self.ports[*port].unread() {
                 0 => Polled::Answer(0),
