@@ -449,6 +449,14 @@ fn what_differs_is_found_and_explains_the_vehicle() {
             .all(|key| supported.iter().any(|one| one == key))
     );
     assert!(folder.read("page.html").contains("system_info.voltage_48v"));
+    // What is torn off at the end is left out; what is wrong elsewhere is named.
+    let whole = folder.read(trace);
+    std::fs::write(folder.file("torn.jsonl"), &whole[..whole.len() - 20]).unwrap();
+    let torn = folder.sim(&["compare", "torn.jsonl", "--only", "r150.over_rate"]);
+    torn.expect_refusal(0, &["torn.jsonl", "the last one, is torn"]);
+    std::fs::write(folder.file("wrong.jsonl"), whole.replacen("\n", "\n{\n", 2)).unwrap();
+    let refused = folder.sim(&["compare", "wrong.jsonl"]);
+    refused.expect_refusal(2, &["wrong.jsonl", "line 2"]);
     // Its file is no recording, and the page replaces nothing else.
     let refused = folder.sim(&["compare", "drive.toml"]);
     refused.expect_refusal(2, &["drive.toml", "no trace"]);

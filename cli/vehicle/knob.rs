@@ -119,7 +119,7 @@ impl Knob {
             Form::Part(at) => {
                 let now = self.literal_in(settings);
                 let mut parts: Vec<&str> = now.trim_matches('"').split('.').collect();
-                let number = number.round().clamp(0.0, 255.0).to_string();
+                let number = number.round().to_string();
                 if let Some(part) = parts.get_mut(*at) {
                     *part = &number;
                 }

@@ -8,6 +8,8 @@ use super::recording::{Channel, Recording, Reply, Seen, Slot, channels, middle};
 pub(super) const DIFFERENT: f64 = 36.0;
 /// Deviation from which on the cost grows only linearly, in standard deviations.
 const HUBER: f64 = 3.0;
+/// Deviation that is no chance, in standard deviations.
+const FAR: f64 = 30.0;
 /// Differences of the time to reply that a computer and its adapter explain, ms.
 const ADAPTER: f64 = 2.0;
 
@@ -242,13 +244,26 @@ impl Cell {
         }
     }
 
-    /// Returns whether a reply is there on one side only, or has another form.
-    pub(super) fn differs(&self, seen: Option<&Reply>) -> bool {
-        match self.answers {
-            None => false,
-            Some(answers) => {
-                answers != seen.is_some() || seen.is_some_and(|seen| Some(seen.form) != self.form)
+    /// Signs, at most three, that a reply is none of the model's: it is there on one side only, has another
+    /// form, other bits, or values that are far from the model's.
+    pub(super) fn contradictions(&self, seen: Option<&Reply>, layout: &Layout) -> usize {
+        let same = seen.filter(|seen| Some(seen.form) == self.form);
+        match (self.answers, same) {
+            (None, _) => 0,
+            (Some(true), Some(seen)) => {
+                let channels = layout.channels(seen).iter().enumerate().skip(1);
+                let differs = |(at, info): &(usize, &Channel)| {
+                    let far = if info.is_choice { 0.0 } else { FAR };
+                    (seen.values[*at] - self.mean[*at]).abs() > far * self.sd[*at]
+                };
+                // Nothing is far from a bit that is chance.
+                channels
+                    .filter(|(at, _)| self.sd[*at].is_finite())
+                    .filter(differs)
+                    .take(3)
+                    .count()
             }
+            (Some(answers), _) => usize::from(answers || seen.is_some()),
         }
     }
 

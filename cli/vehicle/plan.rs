@@ -20,7 +20,7 @@ pub(super) struct Manoeuvre {
     pub(super) name: String,
     /// What to take care of.
     pub(super) care: String,
-    /// Settings that it tells of, without the id of the device.
+    /// Settings that it identifies, without the id of the device.
     pub(super) touches: Vec<String>,
     pub(super) frames: Vec<PlannedFrame>,
 }
@@ -148,7 +148,7 @@ pub(super) fn show(devices: Devices, kind: &str, as_json: bool) -> Result<String
         // Writing to a string cannot fail.
         let _ = write!(
             text,
-            "\n{} ({time:.0} s)\n  {}\n  tells of: {}\n",
+            "\n{} ({time:.0} s)\n  {}\n  identifies: {}\n",
             one.name,
             one.care,
             one.touches.join(", ")

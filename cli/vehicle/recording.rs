@@ -13,6 +13,7 @@ use rigsim_runner::trace::{Header, Record, Replay, Sent};
 
 use crate::config;
 use crate::exit::Failure;
+use crate::print::complain;
 use crate::recording::Lines;
 use crate::visible;
 
@@ -155,8 +156,23 @@ impl Recording {
         let mut lines = Lines::open(path)?;
         let mut records: Vec<Record> = Vec::new();
         while let Some(line) = lines.next()? {
-            let record = serde_json::from_str(line);
-            records.push(record.map_err(|error| wrong(format!("no trace: {error}")))?);
+            match serde_json::from_str(line) {
+                Ok(record) => records.push(record),
+                // What was torn off while it was recorded.
+                Err(error) if error.is_eof() && lines.next()?.is_none() => {
+                    let line = records.len() + 1;
+                    complain(&format!(
+                        "warning: {shown}: line {line}, the last one, is torn; it is left out"
+                    ));
+                    break;
+                }
+                Err(error) => {
+                    let (line, column) = (records.len() + 1, error.column());
+                    return Err(wrong(format!(
+                        "no trace: line {line}, column {column}: {error}"
+                    )));
+                }
+            }
         }
         let mut records = records.into_iter();
         let Some(Record::Header(header)) = records.next() else {

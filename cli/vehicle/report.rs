@@ -5,12 +5,14 @@ use std::fmt::Write as _;
 
 use rigsim_core::SimTime;
 use rigsim_core::event::Hex;
+use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 use serde::Serialize;
 
 use super::plan;
 use super::recording::{Reply, Slot, middle};
-use super::search::{Findings, Found, Model, Search, Verdict};
+use super::search::{ENOUGH, Findings, Found, Model, Search, Verdict};
+use crate::config;
 
 /// First words of a file of settings that were found.
 pub(super) const MARK: &str = "# Settings by which the model does what was recorded.";
@@ -30,13 +32,16 @@ pub(super) struct Report {
     /// Replies that no setting explains.
     pub(super) unexplained: Vec<String>,
     pub(super) held_out: HeldOut,
+    #[serde(skip)]
+    written: SimSettings,
 }
 
 /// Cost of the third that the search did not use.
 #[derive(Serialize)]
 pub(super) struct HeldOut {
     pub(super) slots: usize,
-    pub(super) by_default: f64,
+    pub(super) before: f64,
+    /// With what is written.
     pub(super) fitted: f64,
 }
 
@@ -77,8 +82,10 @@ pub(super) struct SettingRow {
     pub(super) value: String,
     /// The value that explains the recording, if another does.
     pub(super) found: Option<String>,
-    /// A number that was found, half of its interval of 99 %, and their unit.
-    pub(super) number: Option<(f64, f64, String)>,
+    /// Set if it is decided, and makes the third that was not used fit better.
+    pub(super) written: bool,
+    /// A number that was found, the ends of its interval of 99 %, and their unit.
+    pub(super) number: Option<(f64, [Option<f64>; 2], String)>,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
     /// What shows it, or what would.
@@ -88,7 +95,6 @@ pub(super) struct SettingRow {
 impl Report {
     pub(super) fn of(search: &Search<'_>, findings: &Findings) -> Self {
         let slots = || all(search).map(|(_, slot, _)| slot);
-        let (count, used) = (slots().count(), slots().filter(|slot| slot.counts).count());
         let unexplained = search.unexplained(&findings.model);
         let settings: Vec<SettingRow> = (0..search.knobs.len())
             .map(|at| setting(search, findings, at))
@@ -96,7 +102,7 @@ impl Report {
         let documented = settings.iter().filter(|row| row.basis == "documented");
         let contradicted = documented.filter(|row| row.verdict == Verdict::Contradicted.as_str());
         Self {
-            used: used as f64 / count as f64,
+            used: search.used(),
             is_as_documented: unexplained.is_empty() && contradicted.count() == 0,
             commands: commands(search, &findings.assumed),
             fields: fields(search, &findings.assumed),
@@ -104,9 +110,10 @@ impl Report {
             unexplained,
             held_out: HeldOut {
                 slots: slots().filter(|slot| slot.counts && slot.held_out).count(),
-                by_default: search.cost(&findings.assumed, true) + 0.0,
-                fitted: search.cost(&findings.model, true) + 0.0,
+                before: findings.held_out[0],
+                fitted: findings.held_out[1],
             },
+            written: findings.written.clone(),
         }
     }
 
@@ -117,11 +124,11 @@ impl Report {
     }
 
     pub(super) fn text(&self) -> String {
-        let mut text = String::new();
+        let mut text = self.warning();
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "command                     asked  vehicle  model   ms p50/p99 vehicle      model   bytes"
+            "command                  requests  vehicle  model   ms p50/p99 vehicle      model   bytes"
         );
         for row in &self.commands {
             let [v, m] = row.ms.map(|[p50, p99]| format!("{p50:.1}/{p99:.1}"));
@@ -173,6 +180,18 @@ impl Report {
         text
     }
 
+    /// What stands above everything if little of the recording takes part.
+    fn warning(&self) -> String {
+        let left_out = (1.0 - self.used) * 100.0;
+        match self.used < ENOUGH {
+            true => format!(
+                "WARNING: {left_out:.0} % was left out, since the recording machine stalled. The rest contradicts \
+                 nothing documented. Record again on a machine that does nothing else.\n\n"
+            ),
+            false => String::new(),
+        }
+    }
+
     fn verdicts(&self) -> String {
         let mut text = String::new();
         for row in self.with(Verdict::Contradicted) {
@@ -186,14 +205,16 @@ impl Report {
                 row.why
             );
         }
-        for row in self.settings.iter().filter(|row| !row.or.is_empty()) {
-            let or = row.or.join(", ");
+        let undecided = self.with(Verdict::NotDecided);
+        for row in undecided.filter(|row| row.found.is_some()) {
+            let or = match row.or.is_empty() {
+                true => String::new(),
+                false => format!(", or one of: {}", row.or.join(", ")),
+            };
+            let (key, shown, value, why) = (&row.key, row.shown(), &row.value, &row.why);
             let _ = writeln!(
                 text,
-                "not decided   {} as {}, or one of: {or}\n    {}",
-                row.key,
-                row.shown(),
-                row.why
+                "not decided   {key}: {shown} instead of {value}{or}\n    {why}"
             );
         }
         for row in &self.unexplained {
@@ -202,7 +223,7 @@ impl Report {
         for verdict in [Verdict::Supported, Verdict::NotDecided] {
             let keys: Vec<&str> = self
                 .with(verdict)
-                .filter(|row| row.or.is_empty())
+                .filter(|row| row.found.is_none())
                 .map(|row| row.key.as_str())
                 .collect();
             let _ = writeln!(
@@ -231,36 +252,45 @@ impl Report {
     }
 
     pub(super) fn fit_text(&self) -> String {
-        let better = match self.held_out.fitted < self.held_out.by_default {
-            true => "better",
-            false => "NOT better: keep the defaults",
+        let mut found = self.settings.iter().filter(|row| row.found.is_some());
+        let result = match (found.clone().next(), found.any(|row| row.written)) {
+            (None, _) => "nothing to change",
+            (_, true) => "better",
+            (_, false) => "NOT better: nothing is written but as a comment",
         };
-        let (verdicts, held_out) = (self.verdicts(), self.held_out.words());
-        format!("{verdicts}\n\n{held_out} ({better})")
+        let (warning, verdicts) = (self.warning(), self.verdicts());
+        format!(
+            "{warning}{verdicts}\n\n{} ({result})",
+            self.held_out.words()
+        )
     }
 
     pub(super) fn toml(&self) -> String {
         let mut text = format!("{MARK}\n# {}.\n", self.held_out.words());
-        let mut versions: Vec<&str> = Vec::new();
-        for row in self.settings.iter().filter(|row| row.found.is_some()) {
-            let (key, value) = (
-                row.key.split('[').next().unwrap_or_default(),
-                row.found.as_deref(),
-            );
-            if versions.contains(&key) {
-                continue;
+        let found = self.settings.iter().filter(|row| row.found.is_some());
+        let (written, others): (Vec<_>, Vec<_>) = found.partition(|row| row.written);
+        let why = |row: &SettingRow| {
+            let (key, shown, value, why) = (&row.key, row.shown(), &row.value, &row.why);
+            format!("# {key}: {shown} instead of {value}; {why}\n")
+        };
+        for line in config::changed(&self.written) {
+            // A version has a reason for each of its parts.
+            let own = written.iter().filter(|row| {
+                let key = row.key.split('[').next().unwrap_or_default();
+                line.split(' ').next() == Some(key)
+            });
+            let mut reasons: String = own.map(|row| why(row)).collect();
+            if reasons.is_empty() {
+                reasons = "# As it was set before.\n".to_owned();
             }
-            versions.push(key);
-            let (interval, why) = (row.shown(), &row.why);
-            let _ = writeln!(text, "\n# {interval} instead of {}; {why}", row.value);
-            let undecided = match row.or.is_empty() {
-                true => String::new(),
-                false => format!(
-                    "# Not written, since one of these explains it as well: {}\n# ",
-                    row.or.join(", ")
-                ),
+            let _ = writeln!(text, "\n{reasons}{line}");
+        }
+        for row in others {
+            let or = match row.or.is_empty() {
+                true => "the recording does not decide it".to_owned(),
+                false => format!("one of these explains it as well: {}", row.or.join(", ")),
             };
-            let _ = writeln!(text, "{undecided}{key} = {}", value.unwrap_or_default());
+            let _ = writeln!(text, "\n{}# Not written, since {or}", why(row));
         }
         text
     }
@@ -270,11 +300,11 @@ impl HeldOut {
     fn words(&self) -> String {
         let Self {
             slots,
-            by_default,
+            before,
             fitted,
         } = self;
         format!(
-            "Cost of the third that was not used, {slots} messages: {by_default:.0} by default, {fitted:.0} as fitted"
+            "Cost of the third that was not used, {slots} messages: {before:.0} before, {fitted:.0} with what is written"
         )
     }
 }
@@ -282,17 +312,26 @@ impl HeldOut {
 impl SettingRow {
     /// The value that was found, with its interval.
     fn shown(&self) -> String {
-        match &self.number {
-            Some((value, half, unit)) => {
-                // Two digits of what is uncertain.
-                let scales = std::iter::successors(Some(10.0), |scale| Some(scale / 10.0));
-                let digits = scales.take(9).position(|scale| *half >= scale).unwrap_or(9);
-                format!("{value:.digits$} ± {half:.digits$} {unit}")
-                    .trim_end()
-                    .to_owned()
+        let Some((value, ends, unit)) = &self.number else {
+            return self.found.clone().unwrap_or_default();
+        };
+        let short = |end: f64| format!("{end:.2e}").parse().unwrap_or(end);
+        let text = match *ends {
+            [Some(low), Some(high)] if (high + low - 2.0 * value).abs() > 0.1 * (high - low) => {
+                format!("{} to {} {unit}", short(low), short(high))
             }
-            None => self.found.clone().unwrap_or_default(),
-        }
+            [Some(_), Some(high)] => {
+                // Two digits of what is uncertain.
+                let half = high - value;
+                let scales = std::iter::successors(Some(10.0), |scale| Some(scale / 10.0));
+                let digits = scales.take(9).position(|scale| half >= scale).unwrap_or(9);
+                format!("{value:.digits$} ± {half:.digits$} {unit}")
+            }
+            [Some(low), None] => format!("more than {} {unit}", short(low)),
+            [None, Some(high)] => format!("less than {} {unit}", short(high)),
+            [None, None] => "another value".to_owned(),
+        };
+        text.trim_end().to_owned()
     }
 }
 
@@ -326,7 +365,11 @@ fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
         found: found.map(|found| found.literal.clone()),
         number: found
             .and_then(|found| found.number)
-            .map(|(value, half)| (value, half, knob.unit())),
+            .map(|(value, ends)| (value, ends, knob.unit())),
+        written: found.is_some_and(|found| {
+            let changed = |settings| knob.literal_in(settings) != knob.literal_in(&search.base);
+            found.is_decided(&findings.verdicts) && changed(&findings.written)
+        }),
         or: found.map(|found| found.or.clone()).unwrap_or_default(),
         why,
     }

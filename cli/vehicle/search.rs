@@ -12,6 +12,7 @@ use std::sync::{Arc, OnceLock};
 use indicatif::ProgressBar;
 use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
+use rigsim_settings::Basis;
 
 use super::knob::Knob;
 use super::model::{Cell, Layout, cells, significant, takes_part, weight};
@@ -32,6 +33,10 @@ const MOST_REFUSED: usize = 30;
 /// Changes that are tried at a time, and the least that one promises beside the best of them.
 const AT_A_TIME: usize = 3;
 const NEAR_BEST: f64 = 0.5;
+/// Changes of a number that are tried, in its steps: by 20 %, to three times and to 0.3 times its value.
+const STEPS: [f64; 4] = [1.0, -1.0, 10.0, -3.5];
+/// Share of a recording that has to take part before it contradicts what is documented.
+pub(super) const ENOUGH: f64 = 0.5;
 /// Quantile of Student's t for 99 % and 5 degrees of freedom.
 const T99: f64 = 4.03;
 /// Cost above the least, within which the values of a number are as good: 99 % of a chi-square with one degree
@@ -80,8 +85,8 @@ struct Trial {
 pub(super) struct Found {
     pub(super) knob: usize,
     pub(super) literal: String,
-    /// A number, and half of its interval of 99 %.
-    pub(super) number: Option<(f64, f64)>,
+    /// A number, and the ends of its interval of 99 %; `None` where what is beyond fits as well.
+    pub(super) number: Option<(f64, [Option<f64>; 2])>,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
     /// Recording and slot that show it best.
@@ -92,8 +97,13 @@ pub(super) struct Found {
 pub(super) struct Findings {
     pub(super) assumed: Model,
     pub(super) found: Vec<Found>,
+    /// The model with all that was found.
     pub(super) model: Model,
     pub(super) verdicts: Vec<Verdict>,
+    /// With what is decided, and makes the third that was not used fit better.
+    pub(super) written: SimSettings,
+    /// Cost of that third before, and with what is decided.
+    pub(super) held_out: [f64; 2],
 }
 
 /// What a recording says of a setting.
@@ -103,6 +113,14 @@ pub(super) enum Verdict {
     Contradicted,
     NotDecided,
     NotTouched,
+}
+
+impl Found {
+    /// Returns whether it may be written: nothing else explains the recording, and a number has two ends.
+    pub(super) fn is_decided(&self, verdicts: &[Verdict]) -> bool {
+        let is_closed = |(_, ends): (f64, [Option<f64>; 2])| ends.iter().all(Option::is_some);
+        verdicts[self.knob] == Verdict::Contradicted && self.number.is_none_or(is_closed)
+    }
 }
 
 impl Model {
@@ -179,14 +197,41 @@ impl<'a> Search<'a> {
         }
         self.prune(&mut model, &mut found, &trials)?;
         self.measure(&model, &mut found)?;
-        let verdicts = self.verdicts(&model, &found, &trials);
+        let mut verdicts = self.verdicts(&model, &found, &trials);
+        let mut written = self.base.clone();
+        for one in found.iter().filter(|one| one.is_decided(&verdicts)) {
+            let knob = &self.knobs[one.knob];
+            let number = one.number.map(|(value, _)| knob.literal(&written, value));
+            let literal = number.unwrap_or_else(|| one.literal.clone());
+            written = knob.set(&written, &literal).unwrap_or(written);
+        }
+        let before = self.cost(&assumed, true);
+        let after = match found.is_empty() {
+            true => before,
+            false => self.cost(&self.model(&written)?, true),
+        };
+        if after >= before {
+            written = self.base.clone();
+        }
+        for one in found.iter().filter(|_| after > before) {
+            verdicts[one.knob] = Verdict::NotDecided;
+        }
         self.progress.finish_and_clear();
         Ok(Findings {
             assumed,
             found,
             model,
             verdicts,
+            written,
+            held_out: [before + 0.0, after + 0.0],
         })
+    }
+
+    /// Share of the recordings that takes part.
+    pub(super) fn used(&self) -> f64 {
+        let all = self.recordings.iter().flat_map(|one| &one.slots);
+        let used = all.clone().filter(|slot| slot.counts).count();
+        used as f64 / all.count() as f64
     }
 
     /// Plays settings with seeds, in threads.
@@ -241,7 +286,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Each other value of each choice, and each number with a step up and down.
+    /// Each other value of each choice, and each number with a small and a large step up and down.
     fn trials(&self, model: &Model) -> Result<Vec<Trial>, String> {
         let mut planned = Vec::new();
         for (knob, about) in self.knobs.iter().enumerate() {
@@ -250,7 +295,9 @@ impl<'a> Search<'a> {
             if about.choices.is_empty() {
                 let value = about.number_in(&model.settings);
                 let literal = |step| about.literal(&model.settings, value + step);
-                values.extend([about.step, -about.step].map(|step| (literal(step), Some(step))));
+                values.extend(
+                    STEPS.map(|part| (literal(part * about.step), Some(part * about.step))),
+                );
             }
             let now = about.literal_in(&model.settings);
             for (literal, step) in values.into_iter().filter(|(literal, _)| *literal != now) {
@@ -327,22 +374,24 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Commands of which a reply is there or is not, or has another form, and no setting explains it.
+    /// Commands with replies that no setting explains: in form, in bits, or far beyond any scatter.
     pub(super) fn unexplained(&self, model: &Model) -> Vec<String> {
-        let mut counts: BTreeMap<&str, (usize, usize, u64)> = Default::default();
+        let mut counts: BTreeMap<&str, (usize, usize, usize, u64)> = Default::default();
         for (at, slot) in self.slots(false).chain(self.slots(true)) {
             let (asked, seen) = (&self.recordings[at].slots[slot], &self.vehicle[at][slot]);
-            let entry = counts.entry(&asked.text).or_insert((0, 0, asked.at));
-            entry.0 += 1;
-            if model.cells[at][slot].differs(seen.as_ref()) {
-                entry.1 += 1;
-                entry.2 = asked.at;
+            let signs = model.cells[at][slot].contradictions(seen.as_ref(), &model.layout);
+            let (all, wrong, weight, last) = counts.entry(&asked.text).or_default();
+            *all += 1;
+            if signs > 0 {
+                *wrong += 1;
+                *weight += signs;
+                *last = asked.at;
             }
         }
         let some = counts
             .into_iter()
-            .filter(|(_, (all, wrong, _))| *wrong > 2 + all / 20);
-        let words = |(text, (all, wrong, at)): (&str, (usize, usize, u64))| {
+            .filter(|(_, (all, _, weight, _))| *weight > 2 + all / 20);
+        let words = |(text, (all, wrong, _, at)): (&str, (usize, usize, usize, u64))| {
             let at = rigsim_core::SimTime::from_nanos(at);
             format!("{text}: {wrong} of {all} have another answer than the model, last at {at} s")
         };
@@ -494,12 +543,16 @@ impl<'a> Search<'a> {
             .map(|at| value + f64::from(at) * step / 2.0)
             .collect();
         values.push(value + part * step);
-        let Some([_, mut best, _]) = self.ladder(model, knob, &values)? else {
+        let Some([_, _, mut best, ..]) = self.ladder(model, knob, &values)? else {
             return Ok(None);
         };
-        for part in [12.0, 72.0] {
-            let fine = (-6..=6).map(|at| best + f64::from(at) * step.abs() / part);
-            if let Some([low, _, high]) = self.ladder(model, knob, &fine.collect::<Vec<_>>())? {
+        let mut steps = vec![step.abs() / 12.0, knob.step / 12.0, knob.step / 72.0];
+        steps.dedup();
+        for step in steps {
+            let fine = (-6..=6).map(|at| best + f64::from(at) * step);
+            if let Some([_, low, _, high, _]) =
+                self.ladder(model, knob, &fine.collect::<Vec<_>>())?
+            {
                 best = (low + high) / 2.0;
             }
         }
@@ -507,13 +560,14 @@ impl<'a> Search<'a> {
         settings.map(|settings| self.model(&settings)).transpose()
     }
 
-    /// Of some values of a number: the best, and the least and the greatest beside it that fit as well.
+    /// Of those of these values that are allowed: the least, the least that fits as well as the best, the
+    /// best, which is the nearest to the present one of equals, the greatest that fits as well, the greatest.
     fn ladder(
         &self,
         model: &Model,
         knob: &Knob,
         values: &[f64],
-    ) -> Result<Option<[f64; 3]>, String> {
+    ) -> Result<Option<[f64; 5]>, String> {
         let allowed = values.iter().filter_map(|value| {
             let settings = knob.set(&model.settings, &knob.literal(&model.settings, *value))?;
             Some((*value, settings))
@@ -529,13 +583,41 @@ impl<'a> Search<'a> {
                 .map(|(value, _)| *value)
                 .zip(saved.iter().copied())
         };
-        let best = all().max_by(|one, other| one.1.total_cmp(&other.1));
+        let now = knob.number_in(&model.settings);
+        let away = |value: f64| (value - now).abs();
+        let best = all().max_by(|one, other| {
+            let nearer = away(other.0).total_cmp(&away(one.0));
+            one.1.total_cmp(&other.1).then(nearer)
+        });
         Ok(best.map(|(best, most)| {
-            let good = all().filter(|(_, saved)| *saved >= most - AS_GOOD);
-            good.fold([best; 3], |[low, best, high], (value, _)| {
-                [low.min(value), best, high.max(value)]
+            all().fold([best; 5], |[first, low, _, high, last], (value, saved)| {
+                let good = if saved >= most - AS_GOOD { value } else { best };
+                [
+                    first.min(value),
+                    low.min(good),
+                    best,
+                    high.max(good),
+                    last.max(value),
+                ]
             })
         }))
+    }
+
+    /// The ends of what fits as well as the present value of a number; `None` where all that is beyond does.
+    fn ends(&self, model: &Model, knob: &Knob) -> Result<[Option<f64>; 2], String> {
+        let value = knob.number_in(&model.settings);
+        let at = |part: f64| value + part * knob.step / 8.0;
+        let mut values: Vec<f64> = (-12..=12).map(|part| at(f64::from(part))).collect();
+        let [_, low, _, high, _] = self.ladder(model, knob, &values)?.unwrap_or([value; 5]);
+        let leaves = [low <= at(-12.0), high >= at(12.0)];
+        if leaves == [false; 2] {
+            return Ok([Some(low), Some(high)]);
+        }
+        let far = (1..=12).map(|power| 12.0 * 1.5_f64.powi(power));
+        values.extend(far.flat_map(|part| [at(-part), at(part)]));
+        let [first, low, _, high, last] = self.ladder(model, knob, &values)?.unwrap_or([value; 5]);
+        let is_open = [leaves[0] && low <= first, leaves[1] && high >= last];
+        Ok([(!is_open[0]).then_some(low), (!is_open[1]).then_some(high)])
     }
 
     /// Columns of the numbers that were found: what a small change of each does.
@@ -716,29 +798,33 @@ impl<'a> Search<'a> {
             let least = covariance
                 .as_ref()
                 .map_or(0.0, |all| all[(at, at)].max(0.0).sqrt());
-            let mut half = T99 * misfit * sd.max(least) * steps[at].abs();
+            let half = T99 * misfit * sd.max(least) * steps[at].abs();
             let value = knob.number_in(&model.settings);
             // It may show only in what is there or is not, or be lost in what the machine explains.
-            let fine = (-12..=12).map(|at| value + f64::from(at) * knob.step / 8.0);
-            if let Some([low, _, high]) = self.ladder(model, knob, &fine.collect::<Vec<_>>())? {
-                half = half.max(value - low).max(high - value);
-            }
-            if matrix.column(at).amax() < 1.0 {
-                half += knob.step / 8.0;
-            }
-            one.number = Some((value, half));
+            let ends = self.ends(model, knob)?;
+            let is_flat = matrix.column(at).amax() < 1.0 || ends.contains(&None);
+            let between = if is_flat { knob.step / 8.0 } else { 0.0 };
+            let [low, high] = ends;
+            let low = low.map(|low| (value - half).min(low) - between);
+            let ends = [low, high.map(|high| (value + half).max(high) + between)];
+            one.number = Some((value, ends));
         }
         Ok(())
     }
 
     fn verdicts(&self, model: &Model, found: &[Found], trials: &[Trial]) -> Vec<Verdict> {
+        let enough = self.used() >= ENOUGH;
         let verdict = |at: usize| {
             let knob = &self.knobs[at];
             if let Some(one) = found.iter().find(|one| one.knob == at) {
-                return if one.or.is_empty() {
-                    Verdict::Contradicted
-                } else {
-                    Verdict::NotDecided
+                let before = knob.number_in(&self.base);
+                let is_outside = one.number.is_none_or(|(_, [low, high])| {
+                    low.is_some_and(|low| before < low) || high.is_some_and(|high| before > high)
+                });
+                let is_enough = enough || matches!(knob.basis, Basis::Assumed(_));
+                return match one.or.is_empty() && is_outside && is_enough {
+                    true => Verdict::Contradicted,
+                    false => Verdict::NotDecided,
                 };
             }
             let own = || trials.iter().filter(|trial| trial.knob == at);

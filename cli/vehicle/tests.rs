@@ -69,8 +69,8 @@ fn search<'a>(recordings: &'a [Recording], only: &[&str]) -> (Search<'a>, Findin
     (search, findings)
 }
 
-/// Name, value, number with half of its interval, and what may be instead.
-type Claim = (String, String, Option<(f64, f64)>, Vec<String>);
+/// Name, value, number with the ends of its interval, and what may be instead.
+type Claim = (String, String, Option<(f64, [Option<f64>; 2])>, Vec<String>);
 
 /// What was claimed, as `key=value`; what may be others instead has them behind it.
 fn claims(search: &Search<'_>, findings: &Findings) -> Vec<Claim> {
@@ -109,10 +109,12 @@ fn judge(
     match number {
         None if *literal == knob.literal_in(&settings) => Ok(0.0),
         None => Err(format!("claims {claims:?}")),
-        Some((value, half)) => {
+        Some((value, [low, high])) => {
             let truth = knob.number_in(&settings);
             let error = (value - truth).abs();
-            let fine = error <= *half && error <= tolerance * truth.abs();
+            let is_inside =
+                low.is_some_and(|low| low <= truth) && high.is_some_and(|high| truth <= high);
+            let fine = is_inside && error <= tolerance * truth.abs();
             fine.then_some(error / truth.abs())
                 .ok_or_else(|| format!("claims {claims:?}, is {truth}"))
         }
@@ -178,6 +180,60 @@ fn nothing_is_claimed_of_a_vehicle_that_is_as_assumed() {
         );
         assert!(findings.verdicts.contains(&Verdict::Supported), "{parts}");
         assert_eq!(search.unexplained(&findings.model), [""; 0], "{parts}");
+    }
+}
+
+#[test]
+fn what_has_no_end_is_no_value_that_is_written() {
+    // Longer than any silence of the drive, and between two of them.
+    for (truth, is_closed) in [("20s", false), ("3500ms", true)] {
+        let change = format!("r150.heartbeat_timeout={truth}");
+        let recordings = [drive(&["rails"], std::slice::from_ref(&change), 77)];
+        let (search, findings) = search(&recordings, &["r150.heartbeat_timeout"]);
+        let claims = claims(&search, &findings);
+        let [(_, _, Some((_, [Some(low), high])), _)] = &*claims else {
+            panic!("{truth}: {claims:?}");
+        };
+        assert_eq!(high.is_some(), is_closed, "{truth}: {claims:?}");
+        assert!((3.0..3.5).contains(low) || !is_closed, "{truth}: {low}");
+        assert!(high.is_none_or(|high| high > 3.5), "{truth}: {claims:?}");
+        let report = Report::of(&search, &findings);
+        let (text, toml) = (report.text(), report.toml());
+        assert_eq!(toml.contains("\nr150."), is_closed, "{toml}");
+        let words = format!("more than {}", format!("{low:.2e}").parse::<f64>().unwrap());
+        let is_said = text.contains(&words) && toml.contains(&words);
+        assert!(is_said || is_closed, "{text}\n{toml}");
+    }
+}
+
+#[test]
+fn a_time_far_from_the_documented_one_is_found() {
+    let changes = ["r150.heartbeat_timeout=1s".to_owned()];
+    let recordings = [drive(&["rails"], &changes, 77)];
+    let (search, findings) = search(&recordings, &["r150.heartbeat_timeout", "r150.reply"]);
+    let report = Report::of(&search, &findings);
+    assert!(!report.is_as_documented, "{}", report.text());
+    // With no setting that could explain it.
+    let (search, findings) = self::search(&recordings, &["r150.reply"]);
+    let report = Report::of(&search, &findings);
+    assert!(!report.unexplained.is_empty(), "{}", report.text());
+    assert!(!report.is_as_documented);
+}
+
+#[test]
+fn the_file_keeps_what_was_set_before_and_the_decided_parts_of_a_version() {
+    let changes = ["r150.hardware_version=\"40.0.0.0\"".to_owned()];
+    let recordings = [drive(&["questions"], &changes, 77)];
+    let only = ["r150.hardware_version".to_owned()];
+    let before = with(&["r150.on_bad_crc=false".to_owned()]);
+    let search = Search::new(&recordings, before, &only);
+    let report = Report::of(&search, &search.run().unwrap());
+    let toml = report.toml();
+    for line in [
+        "r150.on_bad_crc = \"false\"",
+        "r150.hardware_version = \"40.0.0.0\"",
+    ] {
+        assert!(toml.lines().any(|one| one == line), "{toml}");
     }
 }
 

@@ -5,7 +5,7 @@
     python3 docs/examples/identify.py /tmp/r150
 
 Needs `pip install pyserial`, and `sim` on the path: `sim fit --plan` has the manoeuvres. Read
-docs/vehicle.md first, put the vehicle on blocks, and have the emergency stop in your hand. Ctrl-C stops
+docs/vehicle.md first, raise the vehicle, and have the emergency stop in your hand. Ctrl-C stops
 the motors and ends it. `--only NAME` performs the manoeuvres whose name contains NAME, `--yes` asks nothing.
 """
 import argparse
