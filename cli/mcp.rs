@@ -160,8 +160,11 @@ struct Live {
 
 impl Live {
     fn stop(mut self) -> io::Result<String> {
-        end(self.simulator.id());
-        self.simulator.wait()?;
+        // The number of one that has ended may be another program's by now.
+        if self.simulator.try_wait()?.is_none() {
+            end(self.simulator.id());
+            self.simulator.wait()?;
+        }
         fs::read_to_string(&self.log)
     }
 }

@@ -86,11 +86,12 @@ impl TraceFile {
         }
     }
 
-    /// Writes out what there is so far.
-    pub(crate) fn flush(&mut self) {
+    /// Writes out what there is so far. Returns whether all could be written.
+    pub(crate) fn flush(&mut self) -> bool {
         if let Err(error) = self.out.flush() {
             self.error.get_or_insert(error);
         }
+        self.error.is_none()
     }
 
     /// Adds what a run has to tell.

@@ -160,6 +160,7 @@ impl<'a> Search<'a> {
                     break;
                 }
                 // Changes may do something else now.
+                drop(std::mem::take(&mut trials));
                 trials = self.trials(&model)?;
                 fresh = true;
                 continue;
@@ -234,8 +235,8 @@ impl<'a> Search<'a> {
         used as f64 / all.count() as f64
     }
 
-    /// Plays settings with seeds, in threads.
-    fn play(&self, jobs: &[(&SimSettings, u64)]) -> Result<Vec<Play>, String> {
+    /// Plays settings with seeds, in threads. What is the same as `like` takes no memory of its own.
+    fn play(&self, jobs: &[(&SimSettings, u64)], like: Option<&Play>) -> Result<Vec<Play>, String> {
         let next = AtomicUsize::new(0);
         let played: Vec<_> = jobs.iter().map(|_| OnceLock::new()).collect();
         let work = || {
@@ -244,7 +245,10 @@ impl<'a> Search<'a> {
             {
                 let recordings = self.recordings.iter();
                 let each = recordings.map(|recording| recording.play(settings, *seed));
-                played[at].get_or_init(|| each.collect::<Result<_, _>>().map(Arc::new));
+                let seen = each.collect::<Result<Vec<Seen>, _>>();
+                let same = |seen: &Vec<Seen>| like.filter(|like| ***like == *seen).cloned();
+                played[at]
+                    .get_or_init(|| seen.map(|seen| same(&seen).unwrap_or_else(|| seen.into())));
                 self.progress.inc(1);
             }
         };
@@ -262,7 +266,7 @@ impl<'a> Search<'a> {
 
     fn model(&self, settings: &SimSettings) -> Result<Model, String> {
         let jobs: Vec<_> = (0..SEEDS).map(|seed| (settings, seed)).collect();
-        let members = self.play(&jobs)?;
+        let members = self.play(&jobs, None)?;
         let replies = members.iter().flat_map(|seen| &**seen).chain(&self.vehicle);
         let layout = Layout::of(replies.flatten().flatten());
         let recordings = self.recordings.iter().enumerate();
@@ -307,7 +311,7 @@ impl<'a> Search<'a> {
             }
         }
         let jobs: Vec<_> = planned.iter().map(|(.., settings)| (settings, 0)).collect();
-        let played = self.play(&jobs)?;
+        let played = self.play(&jobs, Some(&model.members[0]))?;
         let touches = self.touched(model, &jobs, &played)?;
         let trials = planned.iter().zip(played).zip(touches);
         let trial =
@@ -339,7 +343,7 @@ impl<'a> Search<'a> {
         let doubtful: Vec<usize> = doubtful.collect();
         // By another chance a real change is the same.
         let again: Vec<_> = doubtful.iter().map(|at| (jobs[*at].0, 1)).collect();
-        for (at, seen) in doubtful.iter().zip(self.play(&again)?) {
+        for (at, seen) in doubtful.iter().zip(self.play(&again, Some(second))?) {
             let count = columns[*at].iter().filter(|change| **change != 0.0).count() as f64;
             let same = product(&columns[*at], &self.column(model, second, &seen));
             touches[*at] = same > TOUCHED + 4.0 * count.sqrt();
@@ -574,7 +578,7 @@ impl<'a> Search<'a> {
         });
         let allowed: Vec<(f64, SimSettings)> = allowed.collect();
         let jobs: Vec<_> = allowed.iter().map(|(_, settings)| (settings, 0)).collect();
-        let played = self.play(&jobs)?;
+        let played = self.play(&jobs, Some(&model.members[0]))?;
         let saved = |to: &Play| self.saved(model, [&model.members[0], to], 1.0, &self.vehicle);
         let saved: Vec<f64> = played.iter().map(saved).collect();
         let all = || {
@@ -638,7 +642,7 @@ impl<'a> Search<'a> {
             changed.push(with(step).or_else(|| with(-step)).unwrap_or_else(fallback));
         }
         let jobs: Vec<_> = changed.iter().map(|(settings, _)| (settings, 0)).collect();
-        let played = self.play(&jobs)?;
+        let played = self.play(&jobs, Some(&model.members[0]))?;
         let columns = played.iter();
         let columns = columns.map(|seen| self.column(model, &model.members[0], seen));
         let columns: Vec<Vec<f64>> = columns.collect();

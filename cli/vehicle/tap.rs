@@ -25,6 +25,7 @@ use crate::args::TapArgs;
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::log::{Log, LogFormat, LogOptions, Words};
+use crate::print::complain;
 use crate::recording::TraceFile;
 use crate::visible;
 
@@ -119,6 +120,7 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
 /// Passes everything on until a signal comes.
 fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, Failure> {
     let mut flushed = Instant::now();
+    let mut is_kept = true;
     loop {
         let timeout = links.iter().filter_map(Link::timeout).min();
         if links.iter().any(|link| link.is_blocked()) {
@@ -143,7 +145,10 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
             break;
         }
         if flushed.elapsed() > FLUSH {
-            out.trace.flush();
+            // The vehicle may be moving: bytes pass on all the same, and the end says why.
+            if !out.trace.flush() && std::mem::take(&mut is_kept) {
+                complain("the trace cannot be written any more: what passes now is not recorded");
+            }
             flushed = Instant::now();
         }
     }
