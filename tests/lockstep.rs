@@ -219,8 +219,14 @@ fn a_port_that_is_not_raw_is_an_event_in_both_times() {
             &["run", "--time", time][..],
             &["--output", "out", "drive.toml", "--"],
         ];
-        folder.sim(&[&args.concat()[..], &[python, "-c", code]].concat());
-        let trace = folder.read("out/drive.trace.jsonl");
+        let play = || {
+            folder.sim(&[&args.concat()[..], &[python, "-c", code]].concat());
+            folder.read("out/drive.trace.jsonl")
+        };
+        // What a client does while the machine stalls the simulator comes at once, and is played again.
+        let is_whole = |trace: &String| !trace.contains("\"simulator_stalled\"");
+        let mut traces = std::iter::repeat_with(play).take(5);
+        let trace = traces.find(is_whole).unwrap_or_default();
         assert_eq!(
             trace.matches("\"line_not_raw\"").count(),
             9,

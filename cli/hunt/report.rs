@@ -1,7 +1,5 @@
 //! What a hunt says: the summary, `hunt.json` and the page.
 
-use std::fmt::Display;
-
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
@@ -13,7 +11,7 @@ use crate::visible::{self, lines as readable};
 
 use super::finding::SEEDS;
 use super::search::{Hunt, Tried};
-use super::space::duration;
+use super::space::{counted, duration};
 
 /// By these a `hunt.json` is known, which may be replaced.
 const RESULT_MARKS: &[&str] = &["{\n  \"jobs\": [\n    {\n      \"findings\": ["];
@@ -105,12 +103,6 @@ impl Summary {
             _ => Exit::Failed,
         })
     }
-}
-
-/// So many of these, in words.
-pub(super) fn counted<T: Display + PartialEq + From<u8>>(count: T, what: &str) -> String {
-    let plural = if count == T::from(1) { "" } else { "s" };
-    format!("{count} {what}{plural}")
 }
 
 /// What came of a job, in words.

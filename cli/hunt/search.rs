@@ -18,8 +18,7 @@ use crate::scenario_files::Loaded;
 
 use super::moments::{Moment, Samples};
 use super::player::{Player, Seen, digest, records};
-use super::report::counted;
-use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, kinds, step_name};
+use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, counted, kinds, step_name};
 
 /// Most runs of a round. What is played next depends on whole rounds only.
 const ROUND: u64 = 16;

@@ -89,6 +89,12 @@ fn count(action: &str) -> Option<&str> {
     count.split([',', ' ']).next()
 }
 
+/// So many of these, in words.
+pub(super) fn counted<T: fmt::Display + PartialEq + From<u8>>(count: T, what: &str) -> String {
+    let plural = if count == T::from(1) { "" } else { "s" };
+    format!("{count} {what}{plural}")
+}
+
 pub(super) fn duration(millis: u64) -> String {
     match millis % 1000 {
         0 => format!("{} s", millis / 1000),
