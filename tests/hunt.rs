@@ -93,7 +93,11 @@ fn hunt(folder: &Folder, more: &[&str]) -> Finished {
 }
 
 fn hunt_in(folder: &Folder, job: &str, more: &[&str]) -> Finished {
-    let all = ["hunt", job, "--rules", "rules.toml", "--shrink-runs", "40"];
+    hunt_by(folder, job, "rules.toml", more)
+}
+
+fn hunt_by(folder: &Folder, job: &str, rules: &str, more: &[&str]) -> Finished {
+    let all = ["hunt", job, "--rules", rules, "--shrink-runs", "40"];
     let output = command()
         .args([&all, more, &["--", "python3", "client.py"]].concat())
         .current_dir(folder.path())
@@ -320,6 +324,28 @@ fn what_no_client_can_help_is_counted_and_not_written() {
     let frozen = hunt(&folder, &harmless);
     assert_eq!(frozen.code(), Some(0), "{}", frozen.err);
     assert!(frozen.out.contains("fewer than "), "{}", frozen.out);
+}
+
+/// Of two faults the first gives a client the time to stop; the second alone, which is smaller, does not.
+#[test]
+fn what_shrinks_to_what_no_client_can_help_is_not_written() {
+    let folder = folder();
+    write(
+        &folder,
+        "moving.toml",
+        "[[never]]\nthat = \"mode.locked && truth.speed_mps > 0.1\"\nmessage = \"locked and moving\"\n",
+    );
+    let faults = ["--faults", "lock,frozen-sensors", "--stages", "random"];
+    let most = ["--seed", "1", "--runs", "60", "--output", "out"];
+    let more = [&faults[..], &most].concat();
+    let ended = hunt_by(&folder, "job.toml", "moving.toml", &more);
+    assert!(
+        ended.err.contains("shrinks to what no client can avoid"),
+        "{}",
+        ended.err
+    );
+    assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    assert!(ended.out.contains("unavoidable"), "{}", ended.out);
 }
 
 /// What a client does that gives up after some replies that are not like the first.

@@ -56,8 +56,7 @@ impl Hunt<'_> {
             return Ok(());
         }
         if self.is_unavoidable(schedule, key)? {
-            let rule = rule_of(failure).to_owned();
-            *self.state.unavoidable.entry(rule).or_default() += 1;
+            self.count_unavoidable(failure);
             return Ok(());
         }
         let words: Vec<String> = schedule.iter().map(Fault::words).collect();
@@ -65,8 +64,16 @@ impl Hunt<'_> {
         complain(&format!("found in run {run}, now made smaller:\n  {words}"));
         let before = self.player.asked;
         let (schedule, is_cut) = self.shrink(schedule, key)?;
+        // A smaller one may leave the client no way out, where the whole one did.
+        let is_unavoidable = self.is_unavoidable(&schedule, key)?;
         let known = self.state.per_rule.entry(key.to_owned()).or_default();
         let shrunk = ids(&schedule);
+        if is_unavoidable {
+            complain("  it shrinks to what no client can avoid");
+            known.push(of);
+            self.count_unavoidable(failure);
+            return Ok(());
+        }
         if known.contains(&shrunk) {
             complain("  it shrinks to a finding before");
             known.push(of);
@@ -89,6 +96,11 @@ impl Hunt<'_> {
         self.write(&mut found, is_cut)?;
         self.state.found.push(found);
         Ok(())
+    }
+
+    fn count_unavoidable(&mut self, failure: &str) {
+        let rule = rule_of(failure).to_owned();
+        *self.state.unavoidable.entry(rule).or_default() += 1;
     }
 
     /// Returns whether the rule is attributed to the fault, and not to the client: an ideal operator and

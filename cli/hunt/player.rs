@@ -155,7 +155,8 @@ impl<'a> Player<'a> {
 
     /// Removes the journal of a hunt that is over: it would answer for a client that was changed since.
     pub(super) fn end_journal(&mut self) {
-        if self.journal.take().is_some() {
+        // Locked until it is removed, so that it is not another hunt's.
+        if let Some(_locked) = self.journal.take() {
             let _ = fs::remove_file(self.journal_path());
         }
     }
