@@ -13,8 +13,8 @@
 //! - Clocks are read in the program's own memory: the functions of its vDSO are replaced.
 //! - One thread runs at a time, until it waits; then the one that began first of those that can run.
 //!   So the order of everything is the same on each run, whatever else the machine does.
-//! - Waits that are known do not reach the kernel. A thread stays stopped until what it waits for is there, which is
-//!   found out on duplicates of its descriptors, or until its deadline.
+//! - Waits that are known do not reach the kernel. A thread stays stopped until what it waits for is
+//!   there, which is found out on duplicates of its descriptors, or until its deadline.
 //! - What a program reads that is random comes from the run's seed.
 //!
 //! Everything about devices is the world's. The crate knows pseudo-terminals, as [`Port`]s, whose bytes it
