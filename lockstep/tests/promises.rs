@@ -727,3 +727,48 @@ print(os.read(s, 9), at())
         assert!(lines.contains(&line), "{}", played.output);
     }
 }
+
+/// The client's own signal, and the client's own number.
+#[test]
+fn long_writes_are_the_clients_own() {
+    let code = r#"
+import os, signal, socket, struct, threading, time
+signal.signal(signal.SIGPIPE, lambda *_: print("SIGPIPE", flush=True))
+r, w = os.pipe()
+threading.Timer(1, lambda: (os.read(r, 5000), os.close(r))).start()
+print("pipe", os.write(w, bytes(100000)))
+a, b = socket.socketpair()
+threading.Timer(1, lambda: (b.recv(5000), b.close())).start()
+print("socket", 0 < os.write(a.fileno(), bytes(1000000)) < 1000000)
+a, b = socket.socketpair(); b.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
+def writes(): a.send(b"x" * 300000); a.sendmsg([b"y" * 1000, b"z" * 300000]); a.close()
+threading.Thread(target=writes).start()
+count, writers, letters = 0, set(), ""
+while True:
+    data, others, *_ = b.recvmsg(50000, 1000)
+    if not data: break
+    count += len(data)
+    for letter in data.decode():
+        if not letters.endswith(letter): letters += letter
+    for *_, cred in others: writers.add(struct.unpack("3i", cred)[0])
+    time.sleep(0.01)
+print(count, letters, writers == {os.getpid()})
+"#;
+    let expected = "SIGPIPE\npipe 65536\nSIGPIPE\nsocket True\n601000 xyz True\n";
+    common::prints(code, expected);
+}
+
+#[test]
+fn a_long_write_arrives_whole() {
+    let code = r#"
+import hashlib, os, random, threading
+sent, came, (r, w) = random.Random(1).randbytes(1 << 24), hashlib.sha256(), os.pipe()
+def write(): print(os.write(w, sent)); os.close(w)
+threading.Thread(target=write).start()
+while part := os.read(r, 99999): came.update(part)
+print(came.digest() == hashlib.sha256(sent).digest())
+"#;
+    if let Some(played) = same_each_time(5, || python(code)) {
+        assert_eq!(played.output, "16777216\nTrue\n", "{:?}", played.ending);
+    }
+}

@@ -614,6 +614,50 @@ fn a_pipe_ends_when_its_other_end_is_closed_in_any_way() {
     );
 }
 
+/// Another thread closes what is waited for, and gives its number to something else.
+#[test]
+fn a_wait_is_for_what_its_number_led_to() {
+    prints(
+        r#"
+import os, select, socket, threading, time
+start = time.monotonic()
+def at(): return round(time.monotonic() - start, 1)
+def later(time, do): threading.Timer(time, do).start()
+def pipes(): return os.pipe() + os.pipe()
+r, w, other, full = pipes(); poll = select.poll(); poll.register(r, select.POLLIN)
+later(1, lambda: os.dup2(other, r)); later(2, lambda: os.write(w, b"x"))
+print(poll.poll(5000), at())
+r, w, other, full = pipes(); os.write(full, b"x")
+later(1, lambda: os.dup2(other, r))
+print(select.select([r], [], [], 3)[0] == [r], at())
+r, w, other, full = pipes(); os.write(full, b"theirs")
+later(1, lambda: os.dup2(other, r)); later(2, lambda: os.write(w, b"x"))
+try: print(os.read(r, 9), at())
+except OSError as error: print(error.strerror, at())
+print(os.read(other, 9), at())
+"#,
+        "[] 5.0\nTrue 8.0\nBad file descriptor 10.0\nb'theirs' 10.0\n",
+    );
+}
+
+#[test]
+fn a_wait_that_comes_to_nothing_ends_in_its_time() {
+    prints(
+        r#"
+import socket, threading, time
+start = time.monotonic()
+a, b = socket.socketpair()
+a.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, (2).to_bytes(8, "little") + bytes(8))
+def take():
+    try: print(a.recv(9), flush=True)
+    except BlockingIOError: print("nothing", round(time.monotonic() - start, 1), flush=True)
+for _ in range(2): threading.Thread(target=take).start()
+time.sleep(1); b.send(b"x")
+"#,
+        "b'x'\nnothing 2.0\n",
+    );
+}
+
 /// Several wait for one event. The kernel would keep those that come late for it, in its own time.
 #[test]
 fn one_of_several_that_wait_gets_what_is_there() {

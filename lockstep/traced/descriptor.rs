@@ -8,8 +8,6 @@ use std::rc::Rc;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{AtFlags, CWD, FileType, OFlags, StatxFlags, makedev, statx};
-use rustix::io::Errno;
-use rustix::net::SendFlags;
 
 use crate::copies;
 use crate::traced::sys::Tid;
@@ -56,9 +54,6 @@ impl Status {
         Self::of(CWD, &format!("/proc/{process}/fd/{fd}"))
     }
 }
-
-/// Bytes that a pipe or a socket takes at once if a poll says that it has room.
-const PIECE: usize = rustix::pipe::PIPE_BUF;
 
 /// What a poll finds of files.
 pub(crate) const EVER_READY: PollFlags = PollFlags::IN
@@ -132,32 +127,24 @@ impl Descriptor {
 
     /// Returns whether a write that is as long as this would wait in the kernel for room, although a poll says
     /// that there is some: of a pipe, or of a socket without messages.
-    pub(crate) fn takes_pieces(&self, length: u64) -> bool {
+    pub(crate) fn takes_parts(&self, length: u64) -> bool {
         let is_stream =
             || rustix::net::sockopt::socket_type(&self.file) == Ok(rustix::net::SocketType::STREAM);
-        length > PIECE as u64 && (self.is_pipe() || self.is_socket() && is_stream())
+        let most = rustix::pipe::PIPE_BUF as u64;
+        length > most && (self.is_pipe() || self.is_socket() && is_stream())
     }
 
-    /// Writes as much as there is room for.
-    pub(crate) fn write(&self, bytes: &[u8]) -> rustix::io::Result<usize> {
-        let mut written = 0;
-        for piece in bytes.chunks(PIECE) {
-            if !self.is_ready(PollFlags::OUT) {
-                break;
-            }
-            let result = if self.is_socket() {
-                rustix::net::send(&self.file, piece, SendFlags::DONTWAIT | SendFlags::NOSIGNAL)
-            } else {
-                rustix::io::write(&self.file, piece)
-            };
-            match result {
-                Ok(count) => written += count,
-                Err(Errno::AGAIN) => break,
-                Err(error) if written == 0 => return Err(error),
-                Err(_) => break,
-            }
-        }
-        Ok(written)
+    /// Lets no syscall on the file wait in the kernel, until the result is dropped.
+    ///
+    /// # Errors
+    /// When the system refuses it.
+    pub(crate) fn without_waiting(&self) -> rustix::io::Result<WithoutWaiting<'_>> {
+        let flags = rustix::fs::fcntl_getfl(&self.file)?;
+        rustix::fs::fcntl_setfl(&self.file, flags | OFlags::NONBLOCK)?;
+        Ok(WithoutWaiting {
+            file: &self.file,
+            flags,
+        })
     }
 
     /// Its path, as the system tells it.
@@ -169,6 +156,19 @@ impl Descriptor {
                 .to_string_lossy()
                 .into_owned(),
         )
+    }
+}
+
+/// A file that is not waited for in the kernel. All who have it open share that, so it is for one syscall.
+pub(crate) struct WithoutWaiting<'a> {
+    file: &'a OwnedFd,
+    flags: OFlags,
+}
+
+impl Drop for WithoutWaiting<'_> {
+    fn drop(&mut self) {
+        // What could be set can be put back.
+        let _ = rustix::fs::fcntl_setfl(self.file, self.flags);
     }
 }
 

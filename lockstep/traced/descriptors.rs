@@ -13,6 +13,7 @@ use crate::traced::proc::{Signals, descriptors_of, info_of, members_of_epoll, nu
 use crate::traced::sys::Tid;
 use crate::traced::syscall::Handling;
 use crate::traced::tracer::Tracer;
+use crate::traced::wait::Awaited;
 
 /// Most descriptors of a run of which there are duplicates; beyond that all are made again.
 const MOST_KEPT: usize = 64;
@@ -46,7 +47,10 @@ impl Tracer<'_> {
         // Those that are passed cost much, and are bounded by the system.
         let kept: usize = tables().map(|files| files.borrow().len()).sum();
         if kept >= MOST_KEPT && self.descriptors.passage.is_none() {
-            tables().for_each(|files| files.borrow_mut().clear());
+            let is_awaited = |one: &mut Option<Rc<Descriptor>>| {
+                one.as_ref().is_some_and(|one| Rc::strong_count(one) > 1)
+            };
+            tables().for_each(|files| files.borrow_mut().retain(|_, one| is_awaited(one)));
         }
         let descriptor = file.and_then(Descriptor::new).map(Rc::new);
         let is_device = |one: &Rc<Descriptor>| one.kind().is_char_device();
@@ -92,14 +96,24 @@ impl Tracer<'_> {
         self.ports.iter().position(|port| port.is_device(device))
     }
 
+    /// A descriptor of a process, to be waited for.
+    pub(crate) fn awaited(&self, process: Tid, (fd, flags): (i32, PollFlags)) -> Awaited {
+        let file = self.descriptor(process, fd);
+        Awaited { fd, flags, file }
+    }
+
+    /// Returns whether the number of a descriptor that is waited for still leads to it.
+    pub(crate) fn leads_there(&self, process: Tid, awaited: &Awaited) -> bool {
+        let now = self.descriptor(process, awaited.fd);
+        now.as_ref().map(Rc::as_ptr) == awaited.file.as_ref().map(Rc::as_ptr)
+    }
+
     /// What a poll of these descriptors of a thread finds of each.
-    pub(crate) fn readiness(&self, tid: Tid, set: &[(i32, PollFlags)]) -> Vec<PollFlags> {
+    pub(crate) fn readiness(&self, tid: Tid, set: &[Awaited]) -> Vec<PollFlags> {
         let process = self.tree.process_of(tid);
-        let files = set.iter().map(|(fd, _)| self.descriptor(process, *fd));
-        let files: Vec<Option<Rc<Descriptor>>> = files.collect();
         let mut found = vec![PollFlags::empty(); set.len()];
         let (mut polls, mut places) = (Vec::new(), Vec::new());
-        for (at, ((fd, flags), file)) in set.iter().zip(&files).enumerate() {
+        for (at, Awaited { fd, flags, file }) in set.iter().enumerate() {
             // A poll from outside would take an epoll's note of a signal away.
             if flags.contains(PollFlags::IN) && self.has_signal(tid, *fd) {
                 found[at] = PollFlags::IN;
@@ -123,7 +137,7 @@ impl Tracer<'_> {
             for (at, poll) in places.into_iter().zip(&polls) {
                 found[at] = match poll.revents() {
                     // A duplicate of what never waits may be a path alone.
-                    PollFlags::NVAL => EVER_READY & set[at].1,
+                    PollFlags::NVAL => EVER_READY & set[at].flags,
                     revents => revents,
                 };
             }

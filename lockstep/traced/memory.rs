@@ -60,13 +60,14 @@ impl Memory {
 
     /// The parts of a read or write: where each is, and how long.
     pub(crate) fn read_parts(self, address: u64, count: u64) -> io::Result<Vec<(u64, u64)>> {
-        const MOST: u64 = 1024;
-        (0..count.min(MOST))
-            .map(|index| {
-                let (base, length) = self.read_pair(address + 16 * index)?;
-                Ok((base.cast_unsigned(), length.cast_unsigned()))
-            })
-            .collect()
+        const MOST: usize = 1024;
+        let count = usize::try_from(count).unwrap_or(MOST).min(MOST);
+        let mut words = vec![[0; 8]; 2 * count];
+        self.read(address, words.as_flattened_mut())?;
+        let words = words.chunks_exact(2).map(|pair| (pair[0], pair[1]));
+        Ok(words
+            .map(|(base, length)| (u64::from_ne_bytes(base), u64::from_ne_bytes(length)))
+            .collect())
     }
 
     /// Writes as many of these bytes into the parts of a read as they have room for; how many.

@@ -46,28 +46,35 @@ impl Tracer<'_> {
         let mut all = Vec::new();
         for thread in self.tree.threads.values() {
             let set = match thread.block().map(|block| &block.wait) {
-                Some(Wait::Poll { set, .. }) => set.clone(),
-                Some(Wait::Write { to, .. }) => {
-                    all.extend(self.outside(Rc::clone(to), PollFlags::OUT));
+                Some(Wait::Poll { set, .. }) => set,
+                Some(Wait::Write(rest)) => {
+                    all.extend(self.outside(&rest.to, PollFlags::OUT));
                     continue;
                 }
                 _ => continue,
             };
-            let find = |fd| self.descriptor(thread.process, fd);
-            // One epoll in another is polled as one descriptor.
-            let members = set.into_iter().flat_map(|(fd, flags)| match find(fd) {
-                Some(one) if one.is_anonymous() => members_of_epoll(thread.process, fd),
-                _ => vec![(fd, flags)],
-            });
-            all.extend(members.filter_map(|(fd, flags)| self.outside(find(fd)?, flags)));
+            for one in set {
+                let Some(file) = &one.file else {
+                    continue;
+                };
+                if !file.is_anonymous() {
+                    all.extend(self.outside(file, one.flags));
+                    continue;
+                }
+                // One epoll in another is polled as one descriptor.
+                for (fd, flags) in members_of_epoll(thread.process, one.fd) {
+                    let member = self.descriptor(thread.process, fd);
+                    all.extend(member.and_then(|member| self.outside(&member, flags)));
+                }
+            }
         }
         all
     }
 
-    fn outside(&self, descriptor: Rc<Descriptor>, flags: PollFlags) -> Option<Outside> {
-        let name = self.outside_name(&descriptor, flags)?;
+    fn outside(&self, descriptor: &Rc<Descriptor>, flags: PollFlags) -> Option<Outside> {
+        let name = self.outside_name(descriptor, flags)?;
         Some(Outside {
-            descriptor,
+            descriptor: Rc::clone(descriptor),
             flags,
             name,
         })

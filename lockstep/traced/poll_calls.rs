@@ -10,7 +10,7 @@ use crate::traced::proc::table_size;
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, counted, int};
 use crate::traced::tracer::Tracer;
-use crate::traced::wait::{PollResult, Wait};
+use crate::traced::wait::{Awaited, PollResult, Wait};
 
 /// Most descriptors in one syscall; beyond that the system decides.
 const MOST: usize = 1 << 16;
@@ -146,6 +146,8 @@ impl Tracer<'_> {
         }
         let only_queries = deadline.is_some_and(|deadline| deadline <= self.now);
         let backs_off = only_queries.then(|| self.query(entry));
+        let awaited = |one| self.awaited(entry.process, one);
+        let set: Vec<Awaited> = set.into_iter().map(awaited).collect();
         let found = self.found(entry.tid, &set, &result);
         // A poll that does not wait, and is not one of too many, is answered with what there is.
         if matches!(backs_off, Some(None)) || !found.iter().all(PollFlags::is_empty) {
@@ -159,26 +161,33 @@ impl Tracer<'_> {
     }
 
     /// Returns what a poll finds. A set of `select` has no place for a hang-up that it does not ask for.
-    pub(crate) fn found(
-        &self,
-        tid: Tid,
-        set: &[(i32, PollFlags)],
-        result: &PollResult,
-    ) -> Vec<PollFlags> {
+    pub(crate) fn found(&self, tid: Tid, set: &[Awaited], result: &PollResult) -> Vec<PollFlags> {
         let mut found = self.readiness(tid, set);
         if matches!(result, PollResult::Sets { .. }) {
-            for (found, (_, kind)) in found.iter_mut().zip(set) {
-                *found &= *kind | PollFlags::NVAL;
+            for (found, one) in found.iter_mut().zip(set) {
+                *found &= one.flags | PollFlags::NVAL;
             }
         }
         found
+    }
+
+    /// The same by what the numbers of these descriptors lead to now.
+    pub(crate) fn found_now(
+        &self,
+        tid: Tid,
+        set: &[Awaited],
+        result: &PollResult,
+    ) -> Vec<PollFlags> {
+        let process = self.tree.process_of(tid);
+        let now = |one: &Awaited| self.awaited(process, (one.fd, one.flags));
+        self.found(tid, &set.iter().map(now).collect::<Vec<_>>(), result)
     }
 
     /// Writes what a poll has found; what it returns, or `None` if that is the kernel's.
     pub(crate) fn answer_poll(
         &self,
         tid: Tid,
-        set: &[(i32, PollFlags)],
+        set: &[Awaited],
         found: &[PollFlags],
         result: &PollResult,
         deadline: Option<u64>,
@@ -209,9 +218,9 @@ impl Tracer<'_> {
                 for kind in kinds {
                     let from = written.len();
                     written.resize(from + bytes, 0);
-                    for ((fd, flags), found) in set.iter().zip(found) {
-                        if *flags == kind && found.intersects(kind) {
-                            let fd = usize::try_from(*fd).unwrap_or_default();
+                    for (one, found) in set.iter().zip(found) {
+                        if one.flags == kind && found.intersects(kind) {
+                            let fd = usize::try_from(one.fd).unwrap_or_default();
                             written[from + fd / 8] |= 1 << (fd % 8);
                             count += 1;
                         }

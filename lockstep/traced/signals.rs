@@ -114,8 +114,9 @@ impl Tracer<'_> {
             } if !matches!(result, PollResult::Call { .. }) => {
                 registers.answer(tid, -i64::from(libc::EINTR))?;
             }
-            Wait::Write { sent, .. } if sent > 0 => {
-                registers.answer(tid, counted(sent))?;
+            Wait::Write(rest) => registers.answer(tid, counted(rest.sent))?,
+            Wait::PortWrite { sent, count, .. } if sent > 0 => {
+                registers.answer(tid, counted(sent.min(count)))?;
             }
             Wait::PortRead { port, into, .. } if self.ports[port].unread() > 0 => {
                 let received = self.receive(tid, port, &into)?;

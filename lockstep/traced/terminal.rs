@@ -1,7 +1,5 @@
 //! Syscalls on ports: reads, writes, and requests.
 
-use std::rc::Rc;
-
 use crate::port::Port;
 use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
@@ -14,8 +12,6 @@ use crate::{copies, modem};
 
 /// Most bytes of one write that are taken; the syscall then says that it was so many.
 const MOST_WRITTEN: usize = 1 << 20;
-/// The same of a write to a pipe or a socket.
-const MOST_PIECES: usize = 1 << 26;
 
 impl Tracer<'_> {
     /// A read of a port into these parts of the client's memory.
@@ -70,57 +66,45 @@ impl Tracer<'_> {
         }
     }
 
-    /// A write to a port, or a long one to a pipe or a socket: not the system takes the bytes.
-    pub(crate) fn write(
+    /// A write of these parts of the client's memory to a port.
+    pub(crate) fn write_port(
         &mut self,
         entry: Entry,
-        to: &Rc<Descriptor>,
+        index: usize,
+        descriptor: &Descriptor,
         parts: &[(u64, u64)],
-        deadline: Option<u64>,
     ) -> Result<Handling, Halt> {
-        let port = self.port_of(to);
-        let most = port.map_or(MOST_PIECES, |_| MOST_WRITTEN);
         let mut bytes = Vec::new();
         for (address, length) in parts {
             let length = usize::try_from(*length).unwrap_or(usize::MAX);
             let from = bytes.len();
-            bytes.resize(from + length.min(most - from), 0);
+            bytes.resize(from + length.min(MOST_WRITTEN - from), 0);
             Memory(entry.tid).read(*address, bytes.get_mut(from..).unwrap_or_default())?;
         }
         let count = bytes.len();
-        if let Some(port) = port {
-            bytes = self.ports[port].cooked(&bytes);
-        }
-        let sent = self.send(to, &bytes)?.ok_or(Halt::Make)?;
+        bytes = self.ports[index].cooked(&bytes);
+        let sent = self.send_to_world(index, &bytes)?;
         if sent == bytes.len() {
             return Ok(Handling::Answer(counted(count)));
         }
-        if to.is_nonblocking() {
+        if descriptor.is_nonblocking() {
             if sent > 0 {
                 return Ok(Handling::Answer(counted(sent.min(count))));
             }
             return Ok(self.query(entry).unwrap_or(failure(libc::EAGAIN)));
         }
-        let wait = Wait::Write {
-            to: Rc::clone(to),
+        let wait = Wait::PortWrite {
+            port: index,
+            device: descriptor.status.device,
             bytes,
             sent,
             count,
         };
-        Ok(Handling::Block(wait, deadline))
+        Ok(Handling::Block(wait, None))
     }
 
-    /// Hands bytes to the world, a pipe or a socket; how many it took, or `None` if it is gone.
-    pub(crate) fn send(&mut self, to: &Descriptor, bytes: &[u8]) -> Result<Option<usize>, Halt> {
-        match self.port_of(to) {
-            Some(port) => self.send_to_world(port, bytes).map(Some),
-            // The cable has been pulled.
-            None if to.kind().is_char_device() => Ok(None),
-            None => Ok(to.write(bytes).ok()),
-        }
-    }
-
-    fn send_to_world(&mut self, index: usize, bytes: &[u8]) -> Result<usize, Halt> {
+    /// Hands the world bytes; how many it took.
+    pub(crate) fn send_to_world(&mut self, index: usize, bytes: &[u8]) -> Result<usize, Halt> {
         let Some(line) = self.ports[index].line()? else {
             return Ok(bytes.len());
         };

@@ -1,5 +1,6 @@
 //! Reads, writes and the like, of ports and of everything else; and random bytes.
 
+use std::io;
 use std::rc::Rc;
 
 use rustix::event::PollFlags;
@@ -13,12 +14,10 @@ use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::AtEnd;
-use crate::traced::wait::{PollResult, Wait};
+use crate::traced::wait::{PollResult, Rest, Wait};
 
 /// Most random bytes of one syscall; the program asks for the rest again.
 const MOST_RANDOM: usize = 1 << 16;
-
-const NO_SIGNAL: u64 = libc::MSG_NOSIGNAL.cast_unsigned() as u64;
 
 impl Tracer<'_> {
     pub(crate) fn transfer_call(&mut self, mut entry: Entry) -> Result<Handling, Halt> {
@@ -76,9 +75,8 @@ impl Tracer<'_> {
             && !source.is_nonblocking()
             && (call != Syscall::Splice || a[5] & u64::from(libc::SPLICE_F_NONBLOCK) == 0)
         {
-            let result = PollResult::Call { late: 0 };
-            let (set, mask) = (vec![(fd, PollFlags::IN)], None);
-            return Ok(Handling::Block(Wait::Poll { set, result, mask }, None));
+            let wait = self.wait_of(entry, (fd, PollFlags::IN), 0);
+            return Ok(Handling::Block(wait, None));
         }
         if descriptor.never_waits() && !is_queue(call) {
             return Ok(Handling::Make);
@@ -136,7 +134,9 @@ impl Tracer<'_> {
             Syscall::Read | Syscall::Readv => {
                 self.read_port(entry, index, descriptor, parts(entry)?)
             }
-            Syscall::Write | Syscall::Writev => self.write(entry, descriptor, &parts(entry)?, None),
+            Syscall::Write | Syscall::Writev => {
+                self.write_port(entry, index, descriptor, &parts(entry)?)
+            }
             // Programs fall back to reading and writing.
             Syscall::Splice | Syscall::Sendfile => Ok(failure(libc::EINVAL)),
             _ => Ok(Handling::Make),
@@ -193,18 +193,21 @@ impl Tracer<'_> {
         let at_once = at_once || descriptor.is_nonblocking();
         let is_ready =
             descriptor.is_ready(flags) || flags == PollFlags::IN && self.has_signal(tid, fd);
-        let is_plain = match call {
-            Syscall::Write | Syscall::Writev => true,
-            Syscall::Sendto => a[4] == 0 && a[3] & !NO_SIGNAL == 0,
-            _ => false,
-        };
-        let parts = (is_plain && !at_once).then(|| parts(entry)).transpose()?;
-        let parts = parts.filter(|parts| descriptor.takes_pieces(whole_length(parts)));
-        if is_ready && parts.is_none() {
-            return Ok(Handling::Make);
-        }
+        let before = self.tree.thread(tid)?.again_until.take();
         if at_once {
-            return Ok(self.query(entry).unwrap_or(Handling::Make));
+            let backs_off = if is_ready { None } else { self.query(entry) };
+            return Ok(backs_off.unwrap_or(Handling::Make));
+        }
+        let rest = match call {
+            Syscall::Write | Syscall::Writev => Some((libc::SYS_write, 0)),
+            Syscall::Sendto => Some((libc::SYS_sendto, a[3])),
+            Syscall::Sendmsg => Some((libc::SYS_sendto, a[2])),
+            _ => None,
+        };
+        let parts = rest.map(|_| parts(entry)).transpose()?.unwrap_or_default();
+        let is_long = descriptor.takes_parts(whole_length(&parts));
+        if is_ready && !is_long {
+            return Ok(Handling::Make);
         }
         let (mut late, mut deadline) = (-i64::from(libc::EAGAIN), None);
         if is_queue(call) && a[4] != 0 {
@@ -219,23 +222,108 @@ impl Tracer<'_> {
             let patience = socket_timeout(&descriptor.file, which).ok().flatten();
             deadline = patience.map(|span| self.now.saturating_add(nanoseconds(span)));
         }
-        if let Some(parts) = parts {
-            return self.write(entry, descriptor, &parts, deadline);
+        let deadline = before.or(deadline);
+        if let Some(call) = rest.filter(|_| is_ready) {
+            let rest = Rest {
+                to: Rc::clone(descriptor),
+                fd: a[0],
+                call,
+                parts,
+                sent: 0,
+            };
+            return self.write_long(entry, rest, deadline);
         }
-        let result = PollResult::Call { late };
-        let (set, mask) = (vec![(fd, flags)], None);
-        Ok(Handling::Block(Wait::Poll { set, result, mask }, deadline))
+        let wait = self.wait_of(entry, (fd, flags), late);
+        Ok(Handling::Block(wait, deadline))
     }
+
+    /// A wait for one descriptor, after which the syscall is handled once more; what it returns at the deadline.
+    fn wait_of(&self, entry: Entry, one: (i32, PollFlags), late: i64) -> Wait {
+        Wait::Poll {
+            set: vec![self.awaited(entry.process, one)],
+            result: PollResult::Call { late },
+            mask: None,
+        }
+    }
+
+    /// A write to a pipe or a stream that may be longer than there is room for. The client makes it without
+    /// waiting, and writes the rest whenever there is more room.
+    fn write_long(
+        &mut self,
+        entry: Entry,
+        mut rest: Rest,
+        deadline: Option<u64>,
+    ) -> Result<Handling, Halt> {
+        let made = self.write_now(entry.tid, &rest.to, entry.registers.number(), entry.a)?;
+        rest.sent = match usize::try_from(made) {
+            Ok(sent) => sent,
+            // The system has no memory for it now, whatever a poll says.
+            Err(_) if made == -i64::from(libc::EAGAIN) => return Err(Halt::Again),
+            Err(_) => return Ok(Handling::Answer(made)),
+        };
+        let result = self.write_rest(entry.tid, &mut rest)?;
+        Ok(result.map_or(
+            Handling::Block(Wait::Write(rest), deadline),
+            Handling::Answer,
+        ))
+    }
+
+    /// Has a client write as much of the rest as there is room for; the result of its syscall if that has
+    /// come to its end.
+    pub(crate) fn write_rest(&mut self, tid: Tid, rest: &mut Rest) -> Result<Option<i64>, Halt> {
+        let (number, flags) = rest.call;
+        while let Some((place, left)) = part_at(&rest.parts, rest.sent as u64) {
+            if !rest.to.is_ready(PollFlags::OUT) {
+                return Ok(None);
+            }
+            let arguments = [rest.fd, place, left, flags, 0, 0];
+            let made = self.write_now(tid, &rest.to, number, arguments)?;
+            match usize::try_from(made) {
+                Ok(more) => rest.sent += more,
+                Err(_) if made == -i64::from(libc::EAGAIN) => return Ok(None),
+                // The next write says why; a signal may do so now.
+                Err(_) => break,
+            }
+        }
+        Ok(Some(counted(rest.sent)))
+    }
+
+    fn write_now(
+        &mut self,
+        tid: Tid,
+        to: &Descriptor,
+        number: i64,
+        arguments: [u64; 6],
+    ) -> Result<i64, Halt> {
+        let _free = to.without_waiting().map_err(io::Error::from)?;
+        self.inject(tid, number, arguments)
+    }
+}
+
+/// What is left of the part of memory in which the byte with this number is.
+fn part_at(parts: &[(u64, u64)], mut at: u64) -> Option<(u64, u64)> {
+    parts.iter().find_map(|(address, length)| {
+        if at < *length {
+            return Some((address + at, length - at));
+        }
+        at -= length;
+        None
+    })
 }
 
 /// The parts of memory that a read or write names.
 fn parts(Entry { tid, call, a, .. }: Entry) -> Result<Vec<(u64, u64)>, Halt> {
-    match call {
-        Syscall::Readv | Syscall::Preadv | Syscall::Writev => {
-            Ok(Memory(tid).read_parts(a[1], a[2])?)
+    let memory = Memory(tid);
+    let (address, count) = match call {
+        Syscall::Readv | Syscall::Preadv | Syscall::Writev => (a[1], a[2]),
+        // They lie behind an address of four words with its length.
+        Syscall::Sendmsg => {
+            let (address, count) = memory.read_pair(a[1].saturating_add(16))?;
+            (address.cast_unsigned(), count.cast_unsigned())
         }
-        _ => Ok(vec![(a[1], a[2])]),
-    }
+        _ => return Ok(vec![(a[1], a[2])]),
+    };
+    Ok(memory.read_parts(address, count)?)
 }
 
 /// A message queue is a file, too, and one that waits.

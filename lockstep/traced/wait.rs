@@ -60,7 +60,7 @@ pub(crate) enum Wait {
     BackOff(Resume),
     /// One of these descriptors, if that is said of it.
     Poll {
-        set: Vec<(i32, PollFlags)>,
+        set: Vec<Awaited>,
         result: PollResult,
         mask: Option<u64>,
     },
@@ -73,14 +73,17 @@ pub(crate) enum Wait {
         /// Places where they go.
         into: Vec<(u64, u64)>,
     },
-    /// Room for the rest of what is written, on a line, in a pipe or in a socket.
-    Write {
-        to: Rc<Descriptor>,
+    /// Room on the line for the rest of what is written.
+    PortWrite {
+        port: usize,
+        device: u64,
         bytes: Vec<u8>,
         sent: usize,
         /// Value that the syscall returns when all have been sent.
         count: usize,
     },
+    /// Room in a pipe or a stream for the rest of what is written. The thread is at a syscall-exit stop.
+    Write(Rest),
     /// Another thread that wakes those that wait there.
     Futex {
         key: FutexKey,
@@ -102,6 +105,24 @@ pub(crate) enum Wait {
         child: i32,
     },
     Forever,
+}
+
+/// A descriptor that is waited for. It stays what it was when the wait began, whatever its number leads to.
+pub(crate) struct Awaited {
+    pub(crate) fd: i32,
+    pub(crate) flags: PollFlags,
+    /// `None` if there is none, or one that cannot be known.
+    pub(crate) file: Option<Rc<Descriptor>>,
+}
+
+/// A write of which a part has been made.
+pub(crate) struct Rest {
+    pub(crate) to: Rc<Descriptor>,
+    pub(crate) fd: u64,
+    /// Number and flags of the syscall that writes one part of what is left.
+    pub(crate) call: (i64, u64),
+    pub(crate) parts: Vec<(u64, u64)>,
+    pub(crate) sent: usize,
 }
 
 /// Place of a poll's result.

@@ -80,7 +80,13 @@ impl Tracer<'_> {
                 }
                 return Ok((false, false));
             }
-            Polled::Make(resume) => resume,
+            Polled::Make(resume) => {
+                if matches!(resume, Resume::Syscall { .. }) {
+                    // If it has to wait again, it does so until then.
+                    self.tree.thread(tid)?.again_until = deadline;
+                }
+                resume
+            }
             Polled::Answer(result) => {
                 registers.answer(tid, result)?;
                 Resume::Go(0)
@@ -108,12 +114,29 @@ impl Tracer<'_> {
     ) -> Result<Polled, Halt> {
         Ok(match wait {
             Wait::Poll { set, result, .. } => {
-                let found = self.found(tid, set, result);
+                let mut found = self.found(tid, set, result);
                 if found.iter().all(PollFlags::is_empty) {
                     return Ok(Polled::Waits);
                 }
-                if matches!(result, PollResult::Call { .. }) {
-                    return Ok(Polled::Make(Resume::Syscall { backed_off: true }));
+                let process = self.tree.process_of(tid);
+                let is_same = set.iter().all(|one| self.leads_there(process, one));
+                match result {
+                    // Another thread has closed it. The syscall, which goes by the number, would take what
+                    // is of another file.
+                    PollResult::Call { .. } | PollResult::Kernel if !is_same => {
+                        return Ok(Polled::Answer(-i64::from(libc::EBADF)));
+                    }
+                    PollResult::Call { .. } => {
+                        return Ok(Polled::Make(Resume::Syscall { backed_off: true }));
+                    }
+                    // A poll ends by what it began with, and tells what the numbers lead to then.
+                    _ if !is_same => {
+                        found = self.found_now(tid, set, result);
+                        if found.iter().all(PollFlags::is_empty) {
+                            return Ok(Polled::Waits);
+                        }
+                    }
+                    _ => {}
                 }
                 let answer = self.answer_poll(tid, set, &found, result, deadline)?;
                 answer.map_or(Polled::Make(Resume::Go(0)), Polled::Answer)
@@ -134,13 +157,16 @@ impl Tracer<'_> {
                 // The system says that it is gone.
                 _ => Polled::Make(Resume::Go(0)),
             },
-            Wait::Write {
-                to,
+            Wait::PortWrite {
+                port,
+                device,
                 bytes,
                 sent,
                 count,
-            } => match self.send(to, bytes.get(*sent..).unwrap_or_default())? {
-                Some(more) => {
+            } => match self.ports.get(*port) {
+                Some(found) if found.is_device(*device) => {
+                    let rest = bytes.get(*sent..).unwrap_or_default();
+                    let more = self.send_to_world(*port, rest)?;
                     *sent += more;
                     self.schedule.happened += u64::from(more > 0);
                     if *sent < bytes.len() {
@@ -150,9 +176,15 @@ impl Tracer<'_> {
                     }
                 }
                 // The system says why.
-                None if *sent == 0 => Polled::Make(Resume::Go(0)),
-                None => Polled::Answer(counted(*sent.min(count))),
+                _ if *sent == 0 => Polled::Make(Resume::Go(0)),
+                _ => Polled::Answer(counted(*sent.min(count))),
             },
+            Wait::Write(rest) => {
+                let before = rest.sent;
+                let answer = self.write_rest(tid, rest)?;
+                self.schedule.happened += u64::from(rest.sent > before);
+                answer.map_or(Polled::Waits, Polled::Answer)
+            }
             // Each time something has happened; but not when it is too late.
             Wait::Again { .. } if is_late => Polled::Waits,
             Wait::Child | Wait::Again { .. } => Polled::Again,
@@ -192,8 +224,8 @@ impl Tracer<'_> {
                 ..
             } => Polled::Answer(*late),
             Wait::Poll { set, result, .. } => {
-                let nothing = vec![PollFlags::empty(); set.len()];
-                let answer = self.answer_poll(tid, set, &nothing, result, None)?;
+                let found = self.found_now(tid, set, result);
+                let answer = self.answer_poll(tid, set, &found, result, None)?;
                 Polled::Answer(answer.unwrap_or(0))
             }
             Wait::Again { late } => {
@@ -209,9 +241,10 @@ impl Tracer<'_> {
             },
             Wait::Futex { .. } => Polled::Answer(-i64::from(libc::ETIMEDOUT)),
             Wait::Signal { .. } => Polled::Answer(-i64::from(libc::EAGAIN)),
-            Wait::Write { sent: 0, .. } => Polled::Answer(-i64::from(libc::EAGAIN)),
-            Wait::Write { sent, .. } => Polled::Answer(counted(*sent)),
-            Wait::Child | Wait::Vfork { .. } | Wait::Forever => Polled::Waits,
+            Wait::Write(rest) => Polled::Answer(counted(rest.sent)),
+            Wait::PortWrite { .. } | Wait::Child | Wait::Vfork { .. } | Wait::Forever => {
+                Polled::Waits
+            }
         })
     }
 }

@@ -1,12 +1,12 @@
 //! Words for what programs do and wait for.
 
 use crate::traced::arch::Registers;
-use crate::traced::proc::{mapping, name_of, path_of, syscall_of};
+use crate::traced::proc::{mapping, name_of, syscall_of};
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::call_name;
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::State;
-use crate::traced::wait::{Resume, Wait};
+use crate::traced::wait::{Awaited, Resume, Wait};
 
 impl Tracer<'_> {
     /// Returns what the programs are doing, as text.
@@ -33,7 +33,7 @@ impl Tracer<'_> {
                     waits.push(computing(*tid, place_of(thread.process, *tid)));
                     continue;
                 }
-                State::Blocked(block) => self.wait_text(thread.process, &block.wait),
+                State::Blocked(block) => self.wait_text(&block.wait),
                 State::Stopped => "for being continued".to_owned(),
                 State::InKernel => "in the kernel".to_owned(),
                 State::Running | State::Ready(_) => continue,
@@ -47,11 +47,10 @@ impl Tracer<'_> {
         waits.join(", ")
     }
 
-    fn wait_text(&self, process: Tid, wait: &Wait) -> String {
-        let file = |fd: i32| {
-            let path = path_of(process, fd);
-            path.map_or(format!("descriptor {fd}"), |path| {
-                let path = path.to_string_lossy().into_owned();
+    fn wait_text(&self, wait: &Wait) -> String {
+        let file = |one: &Awaited| {
+            let path = one.file.as_ref().and_then(|file| file.path());
+            path.map_or(format!("descriptor {}", one.fd), |path| {
                 match self.ports.iter().find(|port| port.leads_to(&path)) {
                     Some(port) => port.path().display().to_string(),
                     None => path,
@@ -61,17 +60,15 @@ impl Tracer<'_> {
         match wait {
             Wait::Sleep { .. } | Wait::BackOff(_) => "for time to pass".to_owned(),
             Wait::Poll { set, .. } => {
-                let files: Vec<String> = set.iter().map(|(fd, _)| file(*fd)).collect();
+                let files: Vec<String> = set.iter().map(file).collect();
                 format!("for {}", files.join(" or "))
             }
             Wait::PortRead { port, .. } => match self.ports.get(*port) {
                 Some(port) => format!("for bytes from {}", port.path().display()),
                 None => "for bytes".to_owned(),
             },
-            Wait::Write { to, .. } => match self.port_of(to) {
-                Some(_) => "for room on the line".to_owned(),
-                None => format!("for room in {}", to.path().unwrap_or_default()),
-            },
+            Wait::PortWrite { .. } => "for room on the line".to_owned(),
+            Wait::Write(rest) => format!("for room in {}", rest.to.path().unwrap_or_default()),
             Wait::Futex { .. } => "for another thread".to_owned(),
             Wait::Signal { .. } => "for a signal".to_owned(),
             Wait::Child | Wait::Vfork { .. } => "for a child".to_owned(),
