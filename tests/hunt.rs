@@ -384,7 +384,10 @@ fn an_exit_code_counts_where_no_fault_lasts() {
     let found = &job["findings"][0];
     assert_eq!(found["rule"], RULE);
     let faults = found["faults"][0].as_str().unwrap();
-    assert!(faults.starts_with("bit-flips count = 1, "), "{faults}");
+    assert!(
+        faults.starts_with("bit-flips (probability = 1.0, count = 1), "),
+        "{faults}"
+    );
     let written = folder.read("0/the-client-ended-with-exit-code-3-1.toml");
     assert!(!written.contains("\nfor = "), "{written}");
     // A patient one ends only where the line stays mute, as it may.

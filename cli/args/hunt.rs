@@ -75,7 +75,8 @@ pub(crate) struct HuntArgs {
     /// Number of runs at a time; the result does not depend on it [default: one for each core].
     #[arg(short = 'j', long = "jobs", value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) threads: Option<u32>,
-    /// A client that is trusted, as a command of the shell: what it breaks as well is unavoidable.
+    /// A client that is trusted, as a command of the shell: what it breaks as well is unavoidable. It is
+    /// played first, and has to pass the job without faults.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) reference: Option<String>,
     /// Write findings, `hunt.json` and the journal into this folder. A hunt that was aborted goes on

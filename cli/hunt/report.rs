@@ -121,7 +121,8 @@ fn text_of(hunt: &Hunt<'_>) -> String {
         counted(hunt.reactions(), "reaction"),
         counted(random.runs, "random schedule"),
     );
-    match (random.runs, random.failed) {
+    // What has no verdict says nothing.
+    match (random.runs - random.without_verdict, random.failed) {
         (0, _) => {}
         // The rule of three: the bound that holds with a confidence of 95 %.
         (runs, 0) => {
@@ -129,6 +130,14 @@ fn text_of(hunt: &Hunt<'_>) -> String {
             text += &format!(" without failure: fewer than {most} % of them fail (95 %)");
         }
         (_, failed) => text += &format!(", {failed} with a failure"),
+    }
+    let without: u64 = state
+        .counts
+        .values()
+        .map(|count| count.without_verdict)
+        .sum();
+    if without > 0 {
+        text += &format!("; {} without a verdict", counted(without, "run"));
     }
     for found in &state.found {
         let place = found

@@ -83,6 +83,7 @@ struct Column {
 pub(super) struct Count {
     pub(super) runs: u64,
     pub(super) without_hit: u64,
+    pub(super) without_verdict: u64,
     pub(super) failed: u64,
 }
 
@@ -331,6 +332,7 @@ impl Hunt<'_> {
             let count = state.counts.entry(stage).or_default();
             count.runs += 1;
             count.without_hit += u64::from(!seen.hits());
+            count.without_verdict += u64::from(seen.error.is_some());
             count.failed += u64::from(!seen.broken.is_empty());
             let (broken, schedule) = (seen.broken.clone(), planned.schedule.clone());
             self.learn(planned, seen);

@@ -69,12 +69,23 @@ pub(super) struct Fault {
 impl Fault {
     /// The fault in words.
     pub(super) fn words(&self) -> String {
+        let parameters = self.parameters();
+        let parameters = parameters.map_or_else(String::new, |all| format!(" ({all})"));
         let lasts = match (count(&self.action), self.lasts) {
-            (Some(count), _) => format!("count = {count}"),
-            (None, FOR_GOOD) => "for good".to_owned(),
-            (None, millis) => format!("for {}", duration(millis)),
+            (Some(_), _) => String::new(),
+            (None, FOR_GOOD) => " for good".to_owned(),
+            (None, millis) => format!(" for {}", duration(millis)),
         };
-        format!("{} {lasts}, {}", self.kind, self.trigger)
+        format!("{}{parameters}{lasts}, {}", self.kind, self.trigger)
+    }
+
+    /// What the action says beside its kind, as in a scenario file.
+    fn parameters(&self) -> Option<&str> {
+        let (_, behind) = self.action.split_once(self.kind)?;
+        let all = behind
+            .trim_end_matches(" }")
+            .trim_start_matches(['"', ',', '=', ' ']);
+        Some(all).filter(|all| !all.is_empty())
     }
 
     /// Returns whether it lasts longer than this, in ms. What is counted ends by itself.
