@@ -134,7 +134,7 @@ impl Descriptor {
         length > most && (self.is_pipe() || self.is_socket() && is_stream())
     }
 
-    /// Lets no syscall on the file wait in the kernel, until the result is dropped.
+    /// Keeps syscalls on the file from waiting in the kernel, until the result is dropped.
     ///
     /// # Errors
     /// When the system refuses it.

@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use rustix::process::Signal;
+
 use crate::Reason;
 use crate::traced::limits::own_processor_time;
 use crate::traced::sys::{self, TICK, Tid};
@@ -17,7 +19,7 @@ impl Tracer<'_> {
     /// Returns whether the time allowed is over, or an end was asked for; notes which.
     pub(crate) fn is_over_time(&mut self) -> bool {
         if self.options.stop.load(std::sync::atomic::Ordering::Relaxed) {
-            self.report.reason.get_or_insert(Reason::Stopped);
+            self.reason.get_or_insert(Reason::Stopped);
             return true;
         }
         // It is asked often, and costs a syscall for each process.
@@ -27,9 +29,9 @@ impl Tracer<'_> {
             let real = until.is_some_and(|until| self.limits.checked >= until);
             let used = self.used_time();
             self.limits.is_over = real || self.options.allowed.is_some_and(|most| used >= most);
-            if self.limits.is_over && self.report.reason.is_none() {
+            if self.limits.is_over && self.reason.is_none() {
                 let doing = self.doing();
-                self.report.reason = Some(Reason::OutOfTime { real, doing });
+                self.reason = Some(Reason::OutOfTime { real, doing });
             }
         }
         self.limits.is_over
@@ -48,11 +50,10 @@ impl Tracer<'_> {
 
     /// Asks all processes to end; those that do not are killed after a while.
     pub(crate) fn ask_to_end(&mut self, reason: Reason) {
-        self.report.reason.get_or_insert(reason);
+        self.reason.get_or_insert(reason);
         self.limits.killed_at = Some(self.now + GRACE);
         for pid in self.tree.processes.keys() {
-            // Who has gone meanwhile need not be asked.
-            let _ = sys::kill(*pid, libc::SIGTERM);
+            sys::kill(*pid, Signal::TERM);
         }
         self.schedule.signalled = true;
         self.schedule.happened += 1;
@@ -70,12 +71,12 @@ impl Tracer<'_> {
         let begun = Instant::now();
         while !self.tree.processes.is_empty() && begun.elapsed() < KILL_PATIENCE {
             for pid in self.tree.processes.keys() {
-                let _ = sys::kill(*pid, libc::SIGKILL);
+                sys::kill(*pid, Signal::KILL);
             }
             match sys::wait(None, true) {
                 Ok(Some((tid, status))) if libc::WIFSTOPPED(status) => {
                     // A child that was being made, or a thread on its way out.
-                    let _ = sys::kill(tid, libc::SIGKILL);
+                    sys::kill(tid, Signal::KILL);
                     let _ = sys::resume(tid, 0);
                 }
                 Ok(Some((tid, status))) => self.gone(tid, status),

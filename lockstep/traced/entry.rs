@@ -1,6 +1,6 @@
 //! Handling of each syscall at which a thread is stopped, and of their exit stops.
 
-use crate::traced::arch::{self, Registers, Syscall, Vdso};
+use crate::traced::arch::{self, Group, Registers, Syscall, Vdso};
 use crate::traced::clock::{parts, parts_micros};
 use crate::traced::memory::Memory;
 use crate::traced::one_processor::{affinity, current};
@@ -21,7 +21,7 @@ impl Tracer<'_> {
         registers: Registers,
         backed_off: bool,
     ) -> Result<Handling, Halt> {
-        let call = arch::call(registers.number()).ok_or(Halt::Make)?;
+        let (group, call) = arch::call(registers.number()).ok_or(Halt::Make)?;
         let process = self.tree.process_of(tid);
         self.tree.process(process)?.gate = Some(registers.gate());
         let a = registers.arguments();
@@ -33,59 +33,35 @@ impl Tracer<'_> {
             a,
             backed_off,
         };
-        match call {
-            Syscall::ClockGettime
-            | Syscall::Gettimeofday
-            | Syscall::Time
-            | Syscall::Times
-            | Syscall::ClockSettime
-            | Syscall::Settimeofday => self.clock_call(entry),
+        match group {
+            Group::Clock => self.clock_call(entry),
+            Group::Sleep => self.sleep(entry),
+            Group::Poll => self.poll_call(entry),
+            Group::Signal => self.signal_call(entry),
+            Group::Kill => Ok(Self::kill_call(entry)),
+            Group::Retried if call == Syscall::Fcntl && int(a[1]) == libc::F_SETFL => {
+                match int(a[2]) & libc::O_ASYNC {
+                    0 => Ok(Handling::Make),
+                    _ => self.polled_by_kernel(entry, int(a[0])),
+                }
+            }
+            Group::Retried => self.retried_call(entry),
+            Group::Transfer => self.transfer_call(entry),
+            Group::Other => self.other_call(entry),
+        }
+    }
+
+    fn other_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let Entry {
+            tid, process, a, ..
+        } = entry;
+        let registers = entry.registers;
+        match entry.call {
             Syscall::Adjtimex => Self::adjust(entry, a[0]),
             Syscall::ClockAdjtime => Self::adjust(entry, a[1]),
             Syscall::Sysinfo => Ok(Handling::ToEnd(registers, AtEnd::Uptime(a[0]))),
-            Syscall::Nanosleep | Syscall::ClockNanosleep => self.sleep(entry),
-            Syscall::Poll
-            | Syscall::Ppoll
-            | Syscall::Select
-            | Syscall::Pselect
-            | Syscall::EpollWait
-            | Syscall::EpollPwait
-            | Syscall::EpollPwait2 => self.poll_call(entry),
             Syscall::EpollCtl => self.polled_by_kernel(entry, int(a[2])),
-            Syscall::Fcntl if int(a[1]) == libc::F_SETFL => match int(a[2]) & libc::O_ASYNC {
-                0 => Ok(Handling::Make),
-                _ => self.polled_by_kernel(entry, int(a[0])),
-            },
             Syscall::Futex => self.futex(entry),
-            Syscall::Pause | Syscall::Sigsuspend | Syscall::Sigtimedwait => self.signal_call(entry),
-            Syscall::Wait4 | Syscall::Waitid => Ok(self.child_call(entry)),
-            Syscall::Flock
-            | Syscall::Fcntl
-            | Syscall::Semop
-            | Syscall::Semtimedop
-            | Syscall::Msgsnd
-            | Syscall::Msgrcv => self.lock_call(entry),
-            Syscall::Read
-            | Syscall::Readv
-            | Syscall::Pread
-            | Syscall::Preadv
-            | Syscall::Preadv2
-            | Syscall::Write
-            | Syscall::Writev
-            | Syscall::Pwritev2
-            | Syscall::Recvfrom
-            | Syscall::Recvmsg
-            | Syscall::Recvmmsg
-            | Syscall::Sendto
-            | Syscall::Sendmsg
-            | Syscall::Sendmmsg
-            | Syscall::Accept
-            | Syscall::Splice
-            | Syscall::Tee
-            | Syscall::Vmsplice
-            | Syscall::Sendfile
-            | Syscall::MqTimedsend
-            | Syscall::MqTimedreceive => self.transfer_call(entry),
             Syscall::Ioctl => self.request(entry),
             Syscall::Close => Ok(self.close(process, int(a[0])..=int(a[0]))),
             Syscall::Dup => Ok(self.close(process, int(a[1])..=int(a[1]))),
@@ -113,9 +89,6 @@ impl Tracer<'_> {
             Syscall::Setaffinity => Ok(Handling::Answer(0)),
             // Only after a stop by job control.
             Syscall::Restart => Ok(failure(libc::EINTR)),
-            Syscall::Kill | Syscall::Tgkill | Syscall::PidfdSendSignal => {
-                Ok(Self::kill_call(entry))
-            }
             Syscall::Sigaction => self.fault_action(entry),
             Syscall::Signalfd => {
                 self.descriptors.has_signalfd = true;
@@ -143,6 +116,8 @@ impl Tracer<'_> {
                     .insert("a debugger: only one can trace a program, and that is sim".to_owned());
                 Ok(failure(libc::EPERM))
             }
+            // Those that have a group of their own.
+            _ => Ok(Handling::Make),
         }
     }
 
@@ -161,30 +136,20 @@ impl Tracer<'_> {
         };
         match at_end {
             AtEnd::Restore(before) => back(before)?,
-            AtEnd::Child(before) => {
-                let waits = match arch::call(before.number()) {
-                    Some(Syscall::Wait4) => result == 0,
-                    // It reports no child.
-                    _ => {
-                        let info = before.arguments()[2];
-                        result == 0 && info != 0 && Memory(tid).read_u32(info)? == 0
-                    }
-                };
-                back(before)?;
-                if waits {
-                    self.block(tid, before, Wait::Child, None);
-                } else {
-                    self.has_changed(tid)?;
-                }
-            }
             AtEnd::Again(before, end) => {
                 if let Some((address, bytes)) = end.restore {
                     Memory(tid).write(address, &bytes)?;
                 }
                 back(before)?;
-                let is_waiting = |errno: &i32| result == -i64::from(*errno);
-                if end.would_wait.iter().any(is_waiting) {
-                    self.block(tid, before, Wait::Again { late: end.late }, end.deadline);
+                let has_found = match end.found {
+                    Some(0) => true,
+                    Some(address) => Memory(tid).read_u32(address)? != 0,
+                    None => false,
+                };
+                let is_waiting = |one: &i32| result == i64::from(*one);
+                if end.would_wait.iter().any(is_waiting) && !has_found {
+                    let late = end.late.into();
+                    self.block(tid, before, Wait::Again { late }, end.deadline);
                 } else {
                     self.has_changed(tid)?;
                 }

@@ -94,12 +94,8 @@ impl Tracer<'_> {
         let operation = private | u64::from(libc::FUTEX_TRYLOCK_PI.unsigned_abs());
         let mut tried = entry.registers;
         tried.set_argument(1, operation);
-        let end = Retried {
-            would_wait: &[libc::EAGAIN],
-            restore: None,
-            deadline,
-            late: -i64::from(libc::ETIMEDOUT),
-        };
+        let mut end = Retried::new(&[-libc::EAGAIN], -libc::ETIMEDOUT);
+        end.deadline = deadline;
         self.try_call(entry, tried, end)
     }
 

@@ -35,49 +35,36 @@ impl Tracer<'_> {
             let millis = u64::try_from(int(value)).ok()?;
             Some(now.saturating_add(millis * 1_000_000))
         };
-        // Where a time lies, or none for ever; the system refuses a wrong one.
+        // What lies at an address, or none for ever; the system refuses a wrong one.
         let at = |address: u64, read: fn((i64, i64)) -> Option<u64>| {
             if address == 0 {
-                return Ok(Some(None));
+                return Ok(None);
             }
-            let time = read(memory.read_pair(address)?);
-            Ok::<_, Halt>(time.map(|time| Some(now.saturating_add(time))))
+            let time = read(memory.read_pair(address)?).ok_or(Halt::Make)?;
+            Ok::<_, Halt>(Some(now.saturating_add(time)))
         };
-        let mask = |address: u64| match address {
+        let word = |address: u64| match address {
             0 => Ok(None),
             _ => memory.read_u64(address).map(Some),
         };
+        let times = match call {
+            Syscall::Poll => (millis(a[2]), None),
+            Syscall::Ppoll => (at(a[2], span)?, word(a[3])?),
+            Syscall::Select => (at(a[4], span_micros)?, None),
+            // The set of signals lies behind another address.
+            Syscall::Pselect => (at(a[4], span)?, word(word(a[5])?.unwrap_or(0))?),
+            Syscall::EpollPwait2 => (at(a[3], span)?, word(a[4])?),
+            Syscall::EpollPwait => (millis(a[3]), word(a[4])?),
+            _ => (millis(a[3]), None),
+        };
         match call {
-            Syscall::Poll => self.poll(entry, (millis(a[2]), None)),
-            Syscall::Ppoll => {
-                let deadline = at(a[2], span)?.ok_or(Halt::Make)?;
-                self.poll(entry, (deadline, mask(a[3])?))
-            }
+            Syscall::Poll | Syscall::Ppoll => self.poll(entry, times),
             Syscall::Select | Syscall::Pselect => {
-                let is_select = call == Syscall::Select;
-                let read = if is_select { span_micros } else { span };
-                let deadline = at(a[4], read)?.ok_or(Halt::Make)?;
-                // The set of signals lies behind another address.
-                let mask = match (is_select, a[5]) {
-                    (true, _) | (_, 0) => None,
-                    (_, address) => mask(memory.read_u64(address)?)?,
-                };
-                self.select(entry, is_select, (deadline, mask))
+                self.select(entry, call == Syscall::Select, times)
             }
             _ => {
-                let deadline = match call {
-                    Syscall::EpollPwait2 => match at(a[3], span)? {
-                        Some(deadline) => deadline,
-                        None => return Ok(Handling::Make),
-                    },
-                    _ => millis(a[3]),
-                };
-                let mask = match call {
-                    Syscall::EpollWait => None,
-                    _ => mask(a[4])?,
-                };
                 let set = vec![(int(a[0]), PollFlags::IN)];
-                self.poll_set(entry, set, PollResult::Kernel, (deadline, mask))
+                self.poll_set(entry, set, PollResult::Kernel, times)
             }
         }
     }

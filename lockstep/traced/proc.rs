@@ -11,22 +11,23 @@ pub(crate) fn name_of(tid: Tid) -> String {
     name.trim_end().to_owned()
 }
 
+/// What is behind this name in a file of the system.
+fn field(path: &str, name: &str) -> Option<String> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let value = text.lines().find_map(|line| line.strip_prefix(name))?;
+    Some(value.trim().to_owned())
+}
+
 /// The number of a thread in the namespace that its process is in.
 pub(crate) fn own_number_of(process: Tid, tid: Tid) -> Option<Tid> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/status")).ok()?;
-    let numbers = status
-        .lines()
-        .find_map(|line| line.strip_prefix("NSpid:"))?;
+    let numbers = field(&format!("/proc/{process}/task/{tid}/status"), "NSpid:")?;
     numbers.split_whitespace().last()?.parse().ok()
 }
 
 /// The number of descriptors that the system's table of a process has room for.
 pub(crate) fn table_size(process: Tid) -> Option<usize> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let size = status
-        .lines()
-        .find_map(|line| line.strip_prefix("FDSize:"))?;
-    size.trim().parse().ok()
+    let size = field(&format!("/proc/{process}/status"), "FDSize:")?;
+    size.parse().ok()
 }
 
 /// The letter that says what the kernel has a thread do.
@@ -85,9 +86,7 @@ pub(crate) fn descriptors_of(pid: Tid) -> impl Iterator<Item = i32> {
 
 /// The text under this name in what the system says of a descriptor.
 pub(crate) fn info_of(process: Tid, fd: i32, name: &str) -> Option<String> {
-    let info = std::fs::read_to_string(format!("/proc/{process}/fdinfo/{fd}")).ok()?;
-    let value = info.lines().find_map(|line| line.strip_prefix(name))?;
-    Some(value.trim().to_owned())
+    field(&format!("/proc/{process}/fdinfo/{fd}"), name)
 }
 
 pub(crate) fn members_of_epoll(process: Tid, fd: i32) -> Vec<(i32, PollFlags)> {

@@ -8,49 +8,30 @@ use crate::traced::tracer::Tracer;
 use crate::traced::tree::{AtEnd, Retried};
 
 impl Tracer<'_> {
-    /// A wait for a child is made without waiting, and again when something has happened.
-    pub(crate) fn child_call(&mut self, entry: Entry) -> Handling {
-        let index = if entry.call == Syscall::Wait4 { 2 } else { 3 };
-        let options = entry.a[index];
-        let at_once = u64::from(libc::WNOHANG.unsigned_abs());
-        if options & at_once != 0 {
-            return self.query(entry).unwrap_or(Handling::Make);
-        }
-        let mut tried = entry.registers;
-        tried.set_argument(index, options | at_once);
-        Handling::ToEnd(tried, AtEnd::Child(entry.registers))
-    }
-
-    /// Locks and queues, likewise.
-    pub(crate) fn lock_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
-        let (tid, call, a) = (entry.tid, entry.call, entry.a);
-        let mut tried = entry.registers;
-        let mut restore = None;
-        let mut deadline = None;
-        let mut would_wait: &'static [i32] = &[libc::EAGAIN];
-        // Where the flag is by which it does not wait.
-        let flag = match call {
-            Syscall::Flock => Some((1, libc::LOCK_NB)),
-            Syscall::Msgsnd => Some((3, libc::IPC_NOWAIT)),
-            Syscall::Msgrcv => Some((4, libc::IPC_NOWAIT)),
-            _ => None,
+    pub(crate) fn retried_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let Entry { tid, call, a, .. } = entry;
+        // The flag by which it does not wait, and results by which it says that it would have to.
+        let (index, flag, would_wait): (_, _, &'static [i32]) = match call {
+            Syscall::Wait4 => (2, libc::WNOHANG, &[0]),
+            Syscall::Waitid => (3, libc::WNOHANG, &[0]),
+            Syscall::Flock => (1, libc::LOCK_NB, &[-libc::EAGAIN]),
+            Syscall::Msgsnd => (3, libc::IPC_NOWAIT, &[-libc::EAGAIN]),
+            Syscall::Msgrcv => (4, libc::IPC_NOWAIT, &[-libc::ENOMSG]),
+            Syscall::Fcntl => (1, 0, &[-libc::EAGAIN, -libc::EACCES]),
+            _ => (0, 0, &[-libc::EAGAIN]),
         };
-        if let Some((index, flag)) = flag {
-            let flag = u64::from(flag.unsigned_abs());
-            if a[index] & flag != 0 {
-                return Ok(Handling::Make);
-            }
-            tried.set_argument(index, a[index] | flag);
+        let flag = u64::from(flag.unsigned_abs());
+        if a[index] & flag != 0 {
+            return Ok(self.query(entry).unwrap_or(Handling::Make));
         }
+        let mut tried = entry.registers;
+        tried.set_argument(index, a[index] | flag);
+        let mut end = Retried::new(would_wait, -libc::EAGAIN);
         match call {
-            Syscall::Flock | Syscall::Msgsnd => {}
-            Syscall::Msgrcv => would_wait = &[libc::ENOMSG],
-            Syscall::Fcntl => {
-                // The commands that do not wait come before those that do.
-                tried.set_argument(1, a[1] - 1);
-                would_wait = &[libc::EAGAIN, libc::EACCES];
-            }
-            _ => {
+            Syscall::Waitid => end.found = Some(a[2]),
+            // The commands that do not wait come before those that do.
+            Syscall::Fcntl => tried.set_argument(1, a[1] - 1),
+            Syscall::Semop | Syscall::Semtimedop => {
                 /// The length of a `sembuf`: number, operation, flags of two bytes each.
                 const LENGTH: usize = 6;
                 let count = usize::try_from(a[2]).unwrap_or(usize::MAX);
@@ -63,23 +44,18 @@ impl Tracer<'_> {
                 if bytes.chunks_exact(LENGTH).any(|one| one[5] & 0x08 != 0) {
                     return Ok(Handling::Make);
                 }
-                restore = Some((a[1], bytes.clone()));
+                end.restore = Some((a[1], bytes.clone()));
                 for one in bytes.chunks_exact_mut(LENGTH) {
                     one[5] |= 0x08;
                 }
                 Memory(tid).write(a[1], &bytes)?;
                 if call == Syscall::Semtimedop && a[3] != 0 {
-                    deadline = span(Memory(tid).read_pair(a[3])?)
-                        .map(|time| self.now.saturating_add(time));
+                    let time = span(Memory(tid).read_pair(a[3])?);
+                    end.deadline = time.map(|time| self.now.saturating_add(time));
                 }
             }
+            _ => {}
         }
-        let end = Retried {
-            would_wait,
-            restore,
-            deadline,
-            late: -i64::from(libc::EAGAIN),
-        };
         self.try_call(entry, tried, end)
     }
 

@@ -4,9 +4,7 @@ use std::ffi::{CString, OsStr, OsString};
 use std::io::{self, Read as _, Write as _};
 use std::os::fd::AsRawFd as _;
 use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
-use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
 
 use crate::traced::arch;
 use crate::traced::sys::{self, Tid, child::Image};
@@ -41,19 +39,15 @@ pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Err
     if let Some((call, error)) = sys::refused() {
         return Err(unsupported(call, &error));
     }
-    let (name, _) = program
-        .words
-        .split_first()
-        .ok_or_else(|| Error::NotStarted(io::Error::other("no program is named")))?;
     let words = program.words.iter().map(|word| word.as_bytes().to_vec());
     let words = strings(words).map_err(Error::NotStarted)?;
+    let none = || Error::NotStarted(io::Error::other("no program is named"));
+    let file = words.first().ok_or_else(none)?;
     let environment = strings(environment(program)).map_err(Error::NotStarted)?;
-    let file = CString::new(file(name).into_os_string().into_vec());
-    let file = file.map_err(|error| Error::NotStarted(error.into()))?;
     let input = std::fs::File::open("/dev/null").map_err(system("cannot open /dev/null"))?;
     let (mut line, theirs) =
         UnixStream::pair().map_err(system("cannot make a line to the program"))?;
-    let image = Image::new(&file, &words, &environment, arch::filter(random), random);
+    let image = Image::new(file, &words, &environment, arch::filter(random), random);
     let streams = (input.as_raw_fd(), program.output.as_raw_fd());
     let copies = copies::some();
     let pid = sys::child::fork(&image, theirs.as_raw_fd(), streams)
@@ -98,20 +92,4 @@ fn environment(program: &Program<'_>) -> impl Iterator<Item = Vec<u8>> {
         name.push(value);
         name.into_vec()
     })
-}
-
-/// The file that a program is: looked up in `PATH` unless it names a folder.
-fn file(name: &OsStr) -> PathBuf {
-    let named = Path::new(name).to_owned();
-    if name.as_bytes().contains(&b'/') {
-        return named;
-    }
-    let path = std::env::var_os("PATH").unwrap_or_else(|| "/usr/local/bin:/usr/bin:/bin".into());
-    std::env::split_paths(&path)
-        .map(|folder| folder.join(name))
-        .find(|file| {
-            std::fs::metadata(file)
-                .is_ok_and(|found| found.is_file() && found.permissions().mode() & 0o111 != 0)
-        })
-        .unwrap_or(named)
 }

@@ -229,11 +229,11 @@ impl Tracer<'_> {
             // Its parent gets a signal.
             self.schedule.signalled = true;
             if tid == self.tree.main {
-                self.report.end = Some(if libc::WIFEXITED(status) {
+                self.report.end = if libc::WIFEXITED(status) {
                     End::Exited(libc::WEXITSTATUS(status))
                 } else {
                     End::Killed(libc::WTERMSIG(status))
-                });
+                };
                 if self.limits.killed_at.is_none() {
                     let others = self.tree.processes.keys().map(|pid| name_of(*pid));
                     self.report.left = others.collect();

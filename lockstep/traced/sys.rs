@@ -16,6 +16,8 @@ use std::ptr;
 use std::sync::OnceLock;
 use std::time::Duration;
 
+use rustix::process::{self, Pid, Signal, WaitOptions};
+
 /// The number of a thread, as the system knows it.
 pub(crate) type Tid = libc::pid_t;
 
@@ -108,23 +110,22 @@ pub(crate) fn event_message(tid: Tid) -> io::Result<Tid> {
 /// Waits for a stop or the end of a thread that this thread traces, or of this one; `None` if there is
 /// none and `block` is not set.
 pub(crate) fn wait(one: Option<Tid>, block: bool) -> io::Result<Option<(Tid, i32)>> {
-    let mut status = 0;
-    let pid = one.unwrap_or(-1);
-    let mut options = libc::__WALL | libc::__WNOTHREAD;
-    if !block {
-        options |= libc::WNOHANG;
-    }
-    // SAFETY: the status outlives the call.
-    let tid = check(unsafe { libc::waitpid(pid, &raw mut status, options) }.into())?;
-    let tid = Tid::try_from(tid).map_err(io::Error::other)?;
-    Ok((tid != 0).then_some((tid, status)))
+    let options = (libc::__WALL | libc::__WNOTHREAD).cast_unsigned();
+    let mut options = WaitOptions::from_bits_retain(options);
+    options.set(WaitOptions::NOHANG, !block);
+    let found = match one {
+        Some(tid) => process::waitpid(Pid::from_raw(tid), options),
+        None => process::wait(options),
+    };
+    Ok(found?.map(|(tid, status)| (tid.as_raw_nonzero().get(), status.as_raw())))
 }
 
 /// Reaps a child of this program, if it has ended; with `soon` it is about to.
 pub(crate) fn reap(pid: Tid, soon: bool) {
-    let options = if soon { 0 } else { libc::WNOHANG };
-    // SAFETY: no status is asked for.
-    unsafe { libc::waitpid(pid, ptr::null_mut(), libc::__WALL | options) };
+    let mut options = WaitOptions::from_bits_retain(libc::__WALL.cast_unsigned());
+    options.set(WaitOptions::NOHANG, !soon);
+    // Whether it has been reaped before makes no difference.
+    let _ = process::waitpid(Pid::from_raw(pid), options);
 }
 
 /// Parts of a program's memory: addresses, and how many bytes.
@@ -179,10 +180,11 @@ pub(crate) fn poke(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Sends a signal to a process, or to a group if it is negative.
-pub(crate) fn kill(pid: Tid, signal: i32) -> io::Result<()> {
-    // SAFETY: takes numbers only.
-    check(unsafe { libc::kill(pid, signal) }.into()).map(drop)
+/// Sends a signal to a process. One that has gone need get none.
+pub(crate) fn kill(pid: Tid, signal: Signal) {
+    if let Some(pid) = Pid::from_raw(pid) {
+        let _ = process::kill_process(pid, signal);
+    }
 }
 
 /// Sends the signal of a POSIX timer to a process, or to one of its threads.

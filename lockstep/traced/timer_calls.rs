@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use rustix::event::PollFlags;
+use rustix::process::Signal;
 use rustix::time::{Itimerspec, TimerfdTimerFlags, Timespec};
 
 use crate::traced::arch::Registers;
@@ -44,24 +45,18 @@ impl Tracer<'_> {
         new: Option<u64>,
         old: u64,
     ) -> Result<Handling, Halt> {
-        let now = self.now;
-        let mut setting = None;
-        if let Some(new) = new.filter(|new| *new != 0) {
-            setting = read_setting(entry.tid, new, span_micros)?;
-            if setting.is_none() {
-                return Ok(Handling::Make);
+        let setting = match new {
+            // Without a value it is of zeros.
+            Some(0) => Some((None, 0)),
+            Some(new) => {
+                let new = (libc::CLOCK_REALTIME, 0, new);
+                Some(self.timer_setting(entry.tid, new, span_micros)?)
             }
-        }
+            None => None,
+        };
         let timer = self.timers.alarm_of(entry.process);
-        let before = timer.setting(now);
-        match (new, setting) {
-            (_, Some((interval, value))) => {
-                timer.next = (value > 0).then(|| now.saturating_add(value));
-                timer.interval = interval;
-            }
-            (Some(_), None) => timer.next = None,
-            (None, None) => {}
-        }
+        let before = timer.setting(self.now);
+        (timer.next, timer.interval) = setting.unwrap_or((timer.next, timer.interval));
         write_setting(entry.tid, old, before, parts_micros)?;
         Ok(Handling::Answer(0))
     }
@@ -135,21 +130,14 @@ impl Tracer<'_> {
         old: u64,
     ) -> Result<Handling, Halt> {
         let now = self.now;
-        let is_it = is_posix(entry);
-        let timer = self.timers.find(&is_it).ok_or(Halt::Make)?;
-        let (setting, kind) = (timer.setting(now), timer.kind);
-        let Kind::Posix { clock, .. } = kind else {
-            return Ok(Handling::Make);
-        };
-        if let Some(new) = new {
-            let (next, interval) = self
-                .timer_setting(entry.tid, clock, new)?
-                .ok_or(Halt::Make)?;
-            if let Some(timer) = self.timers.find(&is_it) {
-                (timer.next, timer.interval) = (next, interval);
-            }
+        let timer = self.timers.find(is_posix(entry)).ok_or(Halt::Make)?;
+        let before = timer.setting(now);
+        if let (Some((flags, new)), Kind::Posix { clock, .. }) = (new, timer.kind) {
+            let setting = self.timer_setting(entry.tid, (clock, flags, new), span)?;
+            let timer = self.timers.find(is_posix(entry)).ok_or(Halt::Make)?;
+            (timer.next, timer.interval) = setting;
         }
-        write_setting(entry.tid, old, setting, parts)?;
+        write_setting(entry.tid, old, before, parts)?;
         self.fire_timers()?;
         Ok(Handling::Answer(0))
     }
@@ -178,13 +166,13 @@ impl Tracer<'_> {
         let clock = clock.ok_or(Halt::Make)?;
         let known = timer_mark(&descriptor.file);
         let known = known.filter(|mark| self.timers.find(has_mark(*mark)).is_some());
-        let Some(new) = new else {
+        let Some((flags, new)) = new else {
             let setting = known.and_then(|mark| self.timers.find(has_mark(mark)));
             let setting = setting.map_or((0, 0), |timer| timer.setting(now));
             write_setting(tid, old, setting, parts)?;
             return Ok(Handling::Answer(0));
         };
-        let (next, interval) = self.timer_setting(tid, clock, new)?.ok_or(Halt::Make)?;
+        let new = self.timer_setting(tid, (clock, flags, new), span)?;
         let mark = match known {
             Some(mark) => mark,
             None if self.timers.all.len() >= MOST => {
@@ -204,7 +192,7 @@ impl Tracer<'_> {
         let mut setting = (0, 0);
         if let Some(timer) = self.timers.find(has_mark(mark)) {
             setting = timer.setting(now);
-            (timer.next, timer.interval) = (next, interval);
+            (timer.next, timer.interval) = new;
             timer.kind = Kind::Descriptor { mark, fd, count: 0 };
             timer.process = process;
         }
@@ -240,23 +228,22 @@ impl Tracer<'_> {
         Ok(Some(Handling::Answer(8)))
     }
 
-    /// When a setting of a timer has it run out, and its interval; `None` if it is none.
+    /// When a setting of a timer, at this address, has it run out, and its interval.
     fn timer_setting(
         &self,
         tid: Tid,
-        clock: i32,
-        (flags, new): (u64, u64),
-    ) -> io::Result<Option<(Option<u64>, u64)>> {
-        let Some((interval, value)) = read_setting(tid, new, span)? else {
-            return Ok(None);
-        };
+        (clock, flags, new): (i32, u64, u64),
+        read: fn((i64, i64)) -> Option<u64>,
+    ) -> Result<(Option<u64>, u64), Halt> {
+        let interval = read(Memory(tid).read_pair(new)?).ok_or(Halt::Make)?;
+        let value = read(Memory(tid).read_pair(new + 16)?).ok_or(Halt::Make)?;
         let next = match value {
             0 => None,
             // TIMER_ABSTIME, which TFD_TIMER_ABSTIME is as well.
             _ if flags & 1 != 0 => self.clocks.when(clock, value, self.now),
             _ => Some(self.now.saturating_add(value)),
         };
-        Ok(Some((next, interval)))
+        Ok((next, interval))
     }
 
     pub(crate) fn fire_timers(&mut self) -> Result<(), Halt> {
@@ -278,7 +265,7 @@ impl Tracer<'_> {
             let kind = timer.kind;
             match kind {
                 Kind::Alarm => {
-                    let _ = sys::kill(process, libc::SIGALRM);
+                    sys::kill(process, Signal::ALARM);
                     self.schedule.signalled = true;
                 }
                 Kind::Posix { id, event, .. } => {
@@ -330,17 +317,6 @@ fn is_posix(entry: Entry) -> impl Fn(&Timer) -> bool {
         timer.process == entry.process
             && matches!(timer.kind, Kind::Posix { id, .. } if id == wanted)
     }
-}
-
-/// Reads what a timer is to be set to: its interval, and the time until it runs out.
-fn read_setting(
-    tid: Tid,
-    new: u64,
-    read: fn((i64, i64)) -> Option<u64>,
-) -> io::Result<Option<(u64, u64)>> {
-    let interval = read(Memory(tid).read_pair(new)?);
-    let value = read(Memory(tid).read_pair(new + 16)?);
-    Ok(interval.zip(value))
 }
 
 /// Writes what is left of a timer and its interval, if that is asked for.

@@ -32,7 +32,8 @@ pub(crate) struct Tracer<'a> {
     pub(crate) timers: Timers,
     pub(crate) random: Option<Pcg64>,
     pub(crate) schedule: Schedule,
-    pub(crate) report: Report,
+    pub(crate) report: Ending,
+    pub(crate) reason: Option<Reason>,
     pub(crate) limits: Limits,
     pub(crate) processor: Processor,
 }
@@ -73,18 +74,6 @@ pub(crate) struct Schedule {
     pub(crate) computing: Option<Duration>,
     /// Thread that has been interrupted because it computes for long.
     pub(crate) interrupted: Option<Tid>,
-}
-
-#[derive(Default)]
-pub(crate) struct Report {
-    pub(crate) end: Option<End>,
-    pub(crate) reason: Option<Reason>,
-    pub(crate) outside: BTreeSet<String>,
-    pub(crate) refused: BTreeSet<String>,
-    pub(crate) missing: BTreeSet<String>,
-    pub(crate) left: BTreeSet<String>,
-    pub(crate) calls: u64,
-    pub(crate) random_addresses: bool,
 }
 
 /// Runs a program to its end; no process that it has started is left then, nor if this thread ends
@@ -159,7 +148,18 @@ impl<'a> Tracer<'a> {
                 choices,
                 ..Schedule::default()
             },
-            report: Report::default(),
+            report: Ending {
+                end: End::Killed(libc::SIGKILL),
+                reason: Reason::Itself,
+                outside: BTreeSet::new(),
+                refused: BTreeSet::new(),
+                missing: BTreeSet::new(),
+                left: BTreeSet::new(),
+                at: 0,
+                calls: 0,
+                random_addresses: false,
+            },
+            reason: None,
             limits: Limits::new(),
             processor: Processor::new(),
         })
@@ -167,15 +167,9 @@ impl<'a> Tracer<'a> {
 
     fn ending(self) -> Ending {
         Ending {
-            end: self.report.end.unwrap_or(End::Killed(libc::SIGKILL)),
-            reason: self.report.reason.unwrap_or(Reason::Itself),
-            outside: self.report.outside,
-            refused: self.report.refused,
-            missing: self.report.missing,
-            left: self.report.left,
+            reason: self.reason.unwrap_or(Reason::Itself),
             at: self.now,
-            calls: self.report.calls,
-            random_addresses: self.report.random_addresses,
+            ..self.report
         }
     }
 

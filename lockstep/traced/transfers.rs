@@ -268,8 +268,8 @@ impl Tracer<'_> {
         ))
     }
 
-    /// Has a client write as much of the rest as there is room for; the result of its syscall if that has
-    /// come to its end.
+    /// Makes a client write as much of the rest as there is room for; returns the result of its syscall if
+    /// that is at its end.
     pub(crate) fn write_rest(&mut self, tid: Tid, rest: &mut Rest) -> Result<Option<i64>, Halt> {
         let (number, flags) = rest.call;
         while let Some((place, left)) = part_at(&rest.parts, rest.sent as u64) {

@@ -85,9 +85,7 @@ pub(crate) enum State {
 
 /// Thing to do at a syscall-exit stop.
 pub(crate) enum AtEnd {
-    /// A wait for a child, made without waiting; as its registers were.
-    Child(Registers),
-    /// Some other syscall, made without waiting; as its registers were.
+    /// A syscall made without waiting; as its registers were.
     Again(Registers, Retried),
     /// An argument has been changed for the syscall alone; as its registers were.
     Restore(Registers),
@@ -109,13 +107,27 @@ pub(crate) enum AtEnd {
 
 /// A syscall that was made without waiting.
 pub(crate) struct Retried {
-    /// Errors by which it says that it would have to wait.
+    /// Results by which it says that it would have to wait.
     pub(crate) would_wait: &'static [i32],
+    /// Address of a word in which it says that it has found something, if that is not 0.
+    pub(crate) found: Option<u64>,
     /// Memory to put back.
     pub(crate) restore: Option<(u64, Vec<u8>)>,
     pub(crate) deadline: Option<u64>,
     /// What it returns at the deadline.
-    pub(crate) late: i64,
+    pub(crate) late: i32,
+}
+
+impl Retried {
+    pub(crate) fn new(would_wait: &'static [i32], late: i32) -> Self {
+        Self {
+            would_wait,
+            found: None,
+            restore: None,
+            deadline: None,
+            late,
+        }
+    }
 }
 
 /// Signal of a POSIX timer whose time has come.

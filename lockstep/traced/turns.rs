@@ -26,34 +26,25 @@ const FREE_CALLS: u32 = 20_000;
 impl Tracer<'_> {
     /// Thread to go on: the one that ran last, or the first of those that can, or any of them.
     pub(crate) fn next(&mut self) -> Option<Tid> {
-        if let Some(choices) = &mut self.schedule.choices {
-            let ready = self
-                .tree
-                .threads
-                .iter()
-                .filter(|(_, thread)| thread.is_ready());
-            let mut ready: Vec<_> = ready.map(|(tid, one)| (one.number, *tid)).collect();
-            ready.sort_unstable();
-            // Where there is a choice.
-            let at = match ready.len() as u64 {
-                0 | 1 => 0,
-                count => choices.next_u64() % count,
-            };
-            let chosen = usize::try_from(at).ok().and_then(|at| ready.get(at));
-            return chosen.map(|(_, tid)| *tid);
-        }
-        if let Some(tid) = self.schedule.current
-            && self.tree.threads.get(&tid).is_some_and(Thread::is_ready)
+        let current = self.schedule.current;
+        let can = |tid: &Tid| self.tree.threads.get(tid).is_some_and(Thread::is_ready);
+        if self.schedule.choices.is_none()
+            && let Some(tid) = current.filter(can)
         {
             return Some(tid);
         }
-        let ready = self
-            .tree
-            .threads
-            .iter()
-            .filter(|(_, thread)| thread.is_ready());
-        let first = ready.min_by_key(|(_, thread)| (thread.turn, thread.number));
-        first.map(|(tid, _)| *tid)
+        let ready = self.tree.all(Thread::is_ready);
+        match &mut self.schedule.choices {
+            // Where there is a choice.
+            Some(choices) if ready.len() > 1 => {
+                let at = choices.next_u64() % ready.len() as u64;
+                ready.get(usize::try_from(at).ok()?).copied()
+            }
+            _ => {
+                let turn = |tid: &Tid| self.tree.threads.get(tid).map(|thread| thread.turn);
+                ready.into_iter().min_by_key(turn)
+            }
+        }
     }
 
     pub(crate) fn resume(&mut self, tid: Tid) -> Result<(), Halt> {

@@ -95,7 +95,6 @@ pub(crate) enum Wait {
         set: Option<u64>,
         mask: Option<u64>,
     },
-    Child,
     /// Whatever another thread does; then the syscall is made again. What it returns at the deadline.
     Again {
         late: i64,

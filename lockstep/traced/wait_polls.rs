@@ -187,7 +187,7 @@ impl Tracer<'_> {
             }
             // Each time something has happened; but not when it is too late.
             Wait::Again { .. } if is_late => Polled::Waits,
-            Wait::Child | Wait::Again { .. } => Polled::Again,
+            Wait::Again { .. } => Polled::Again,
             Wait::Signal { .. }
             | Wait::Sleep { .. }
             | Wait::BackOff(_)
@@ -242,9 +242,7 @@ impl Tracer<'_> {
             Wait::Futex { .. } => Polled::Answer(-i64::from(libc::ETIMEDOUT)),
             Wait::Signal { .. } => Polled::Answer(-i64::from(libc::EAGAIN)),
             Wait::Write(rest) => Polled::Answer(counted(rest.sent)),
-            Wait::PortWrite { .. } | Wait::Child | Wait::Vfork { .. } | Wait::Forever => {
-                Polled::Waits
-            }
+            Wait::PortWrite { .. } | Wait::Vfork { .. } | Wait::Forever => Polled::Waits,
         })
     }
 }

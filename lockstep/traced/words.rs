@@ -6,7 +6,7 @@ use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::call_name;
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::State;
-use crate::traced::wait::{Awaited, Resume, Wait};
+use crate::traced::wait::{Awaited, Block, Resume, Wait};
 
 impl Tracer<'_> {
     /// Returns what the programs are doing, as text.
@@ -33,7 +33,7 @@ impl Tracer<'_> {
                     waits.push(computing(*tid, place_of(thread.process, *tid)));
                     continue;
                 }
-                State::Blocked(block) => self.wait_text(&block.wait),
+                State::Blocked(block) => self.wait_text(block),
                 State::Stopped => "for being continued".to_owned(),
                 State::InKernel => "in the kernel".to_owned(),
                 State::Running | State::Ready(_) => continue,
@@ -47,7 +47,7 @@ impl Tracer<'_> {
         waits.join(", ")
     }
 
-    fn wait_text(&self, wait: &Wait) -> String {
+    fn wait_text(&self, block: &Block) -> String {
         let file = |one: &Awaited| {
             let path = one.file.as_ref().and_then(|file| file.path());
             path.map_or(format!("descriptor {}", one.fd), |path| {
@@ -57,7 +57,7 @@ impl Tracer<'_> {
                 }
             })
         };
-        match wait {
+        match &block.wait {
             Wait::Sleep { .. } | Wait::BackOff(_) => "for time to pass".to_owned(),
             Wait::Poll { set, .. } => {
                 let files: Vec<String> = set.iter().map(file).collect();
@@ -71,8 +71,11 @@ impl Tracer<'_> {
             Wait::Write(rest) => format!("for room in {}", rest.to.path().unwrap_or_default()),
             Wait::Futex { .. } => "for another thread".to_owned(),
             Wait::Signal { .. } => "for a signal".to_owned(),
-            Wait::Child | Wait::Vfork { .. } => "for a child".to_owned(),
-            Wait::Again { .. } => "for a lock or a queue".to_owned(),
+            Wait::Vfork { .. } => "for a child".to_owned(),
+            Wait::Again { .. } => match block.registers.number() {
+                libc::SYS_wait4 | libc::SYS_waitid => "for a child".to_owned(),
+                _ => "for a lock or a queue".to_owned(),
+            },
             Wait::Forever => "for a change of modem lines".to_owned(),
         }
     }

@@ -62,7 +62,7 @@ pub(crate) fn fork(
         let failed = match streams.and_then(|()| prepare(image)) {
             Ok(()) => {
                 let (words, environment) = (image.words.as_ptr(), image.environment.as_ptr());
-                libc::execve(image.file.as_ptr(), words, environment);
+                libc::execvpe(image.file.as_ptr(), words, environment);
                 number(io::Error::last_os_error())
             }
             Err(error) => -number(error),

@@ -12,6 +12,13 @@
 use std::arch::global_asm;
 use std::io;
 
+use elf::ElfBytes;
+use elf::abi;
+use elf::endian::LittleEndian;
+use elf::file::Class;
+use elf::string_table::StringTable;
+use elf::symbol::{Symbol, SymbolTable};
+
 use crate::traced::clock::{parts, parts_micros};
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
@@ -131,98 +138,52 @@ fn replacement(name: &[u8]) -> Option<usize> {
     })
 }
 
-/// Bytes of the vDSO, of which nothing is taken for granted.
-struct Image(Vec<u8>);
-
-/// A function of it: where its symbol is and how that begins, where its code is, and how long.
+/// A function of the vDSO: where its symbol is, what that says, and its name.
 struct Function {
-    entry: usize,
-    symbol: [u8; 16],
-    code: usize,
-    length: usize,
+    entry: u64,
+    symbol: Symbol,
     name: Vec<u8>,
 }
 
-impl Image {
-    const HEADER: usize = 64;
-    const SEGMENT: usize = 56;
+/// Reads the vDSO, of which nothing is taken for granted.
+fn read(memory: Memory, base: u64) -> io::Result<Vec<u8>> {
+    const PAGE: usize = 4096;
+    /// No kernel has one that is longer.
+    const MOST: usize = 16;
+    let mut image = vec![0; MOST * PAGE];
+    let page = |at: usize| (base + (at * PAGE) as u64, PAGE as u64);
+    let pages: Vec<(u64, u64)> = (0..MOST).map(page).collect();
+    let length = sys::read_memory(memory.0, &pages, &mut image)?;
+    image.truncate(length);
+    Ok(image)
+}
+
+/// All functions that programs can find in it.
+fn functions(image: &[u8]) -> Option<Vec<Function>> {
+    /// The length of a symbol.
     const SYMBOL: usize = 24;
-    /// No kernel has one that is as long.
-    const MOST: usize = 1 << 16;
-
-    fn read(memory: Memory, base: u64) -> Option<Self> {
-        let mut bytes = vec![0; 4096];
-        memory.read(base, &mut bytes).ok()?;
-        let image = Self(bytes);
-        let mut length = 0;
-        for segment in image.segments()? {
-            // It is loaded from its beginning.
-            if image.half(segment)? == 1 && image.word(segment + 16)? == 0 {
-                length = image.word(segment + 40)?;
-            }
-        }
-        let mut bytes = vec![0; Some(length).filter(|length| *length <= Self::MOST)?];
-        memory.read(base, &mut bytes).ok()?;
-        Some(Self(bytes))
-    }
-
-    fn word(&self, at: usize) -> Option<usize> {
-        let bytes = self.0.get(at..at.checked_add(8)?)?;
-        usize::try_from(u64::from_le_bytes(bytes.try_into().ok()?)).ok()
-    }
-
-    fn half(&self, at: usize) -> Option<usize> {
-        let bytes = self.0.get(at..at.checked_add(4)?)?;
-        usize::try_from(u32::from_le_bytes(bytes.try_into().ok()?)).ok()
-    }
-
-    /// Where the headers of its segments are.
-    fn segments(&self) -> Option<Vec<usize>> {
-        let is_elf = self.0.get(..5)? == b"\x7fELF\x02";
-        let count = usize::from(*self.0.get(56).filter(|_| is_elf)?);
-        let first = self.word(32).filter(|first| *first >= Self::HEADER)?;
-        Some((0..count).map(|n| first + n * Self::SEGMENT).collect())
-    }
-
-    /// All that programs can find in it.
-    fn functions(&self) -> Option<Vec<Function>> {
-        let segments = self.segments()?;
-        let dynamic = segments.into_iter().find(|at| self.half(*at) == Some(2))?;
-        let dynamic = self.word(dynamic + 8)?;
-        let (mut names, mut symbols) = (0, 0);
-        for at in (dynamic..).step_by(16) {
-            match self.word(at)? {
-                0 => break,
-                5 => names = self.word(at + 8)?,
-                6 => symbols = self.word(at + 8)?,
-                _ => {}
-            }
-        }
-        // The kernel has the names behind the symbols.
-        let all = (symbols..names).step_by(Self::SYMBOL).skip(1);
-        let mut functions = Vec::new();
-        for entry in all {
-            let name = self.0.get(names + self.half(entry)?..)?;
-            let name = name.split(|byte| *byte == 0).next()?;
-            let symbol: [u8; 16] = self.0.get(entry..entry + 16)?.try_into().ok()?;
-            // The low half of this byte is the kind: 2 is a function.
-            if symbol[4] & 0xF == 2 {
-                functions.push(Function {
-                    entry,
-                    symbol,
-                    code: self.word(entry + 8)?,
-                    length: self.word(entry + 16)?,
-                    name: name.to_vec(),
-                });
-            }
-        }
-        Some(functions)
-    }
-
-    /// Some instruction `syscall`.
-    fn call(&self) -> Option<usize> {
-        self.0.windows(2).position(|two| two == [0x0F, 0x05])
-    }
+    let elf = ElfBytes::<LittleEndian>::minimal_parse(image).ok()?;
+    let dynamic = elf.dynamic().ok()??;
+    let find = |tag| dynamic.iter().find(|one| one.d_tag == tag);
+    let [symbols, names] =
+        [abi::DT_SYMTAB, abi::DT_STRTAB].map(|tag| find(tag).map(|one| one.d_ptr()));
+    let place = |at: u64| usize::try_from(at).ok();
+    // The kernel has the names behind the symbols.
+    let table = image.get(place(symbols?)?..place(names?)?)?;
+    let table = SymbolTable::new(LittleEndian, Class::ELF64, table);
+    let names = StringTable::new(image.get(place(names?)?..)?);
+    let entries = (symbols?..).step_by(SYMBOL).zip(table.iter());
+    let functions = entries.filter(|(_, symbol)| symbol.st_symtype() == abi::STT_FUNC);
+    functions
+        .map(|(entry, symbol)| {
+            let name = names.get_raw(place(symbol.st_name.into())?).ok()?.to_vec();
+            Some(Function {
+                entry,
+                symbol,
+                name,
+            })
+        })
+        .collect()
 }
 
 /// The vDSO of a program that has just been loaded.
@@ -231,8 +192,8 @@ pub(crate) struct Vdso {
     entry: u64,
     base: u64,
     functions: Vec<Function>,
-    /// Address at which its code begins, all of which is dead once its functions lead elsewhere.
-    first: usize,
+    /// Where its code begins, all of which is dead once its functions lead elsewhere.
+    first: u64,
     /// Some instruction `syscall` in it.
     pub(crate) gate: u64,
 }
@@ -240,20 +201,19 @@ pub(crate) struct Vdso {
 impl Vdso {
     /// Looks at it; `None` if it is not as it should be, and then the program does not find it.
     pub(super) fn find(memory: Memory, entry: u64, base: u64) -> io::Result<Option<Self>> {
-        let found = Image::read(memory, base).and_then(|image| {
-            let functions = image.functions()?;
-            let first = functions.iter().map(|one| one.code).min()?;
-            let first = first.next_multiple_of(8);
-            let ends = functions
-                .iter()
-                .map(|one| one.code.saturating_add(one.length));
+        let found = read(memory, base).ok().and_then(|image| {
+            let functions = functions(&image)?;
+            let symbols = || functions.iter().map(|one| &one.symbol);
+            let first = symbols().map(|one| one.st_value).min()?.next_multiple_of(8);
+            let ends = symbols().map(|one| one.st_value.saturating_add(one.st_size));
             let room = ends.max()?.saturating_sub(first);
+            let call = image.windows(2).position(|two| two == [0x0F, 0x05])?;
             Some(Self {
                 entry,
                 base,
+                first: Some(first).filter(|_| code(0).len() as u64 <= room)?,
                 functions,
-                first: Some(first).filter(|_| code(0).len() <= room)?,
-                gate: base + image.call()? as u64,
+                gate: base + call as u64,
             })
         });
         if found.is_none() {
@@ -282,16 +242,22 @@ impl Vdso {
     }
 
     fn write(&self, tid: Tid, page: u64) -> io::Result<()> {
-        sys::poke(tid, self.base + self.first as u64, &code(page))?;
-        for function in &self.functions {
-            let place = replacement(&function.name).map(|offset| self.first + offset);
-            let mut symbol = function.symbol;
-            if place.is_none() {
-                // Of no section, which is to say that it is not there.
-                symbol[6..8].fill(0);
-            }
-            symbol[8..].copy_from_slice(&(place.unwrap_or(0) as u64).to_le_bytes());
-            sys::poke(tid, self.base + function.entry as u64, &symbol)?;
+        sys::poke(tid, self.base + self.first, &code(page))?;
+        for Function {
+            entry,
+            symbol,
+            name,
+        } in &self.functions
+        {
+            let offset = replacement(name);
+            // Of no section, which is to say that it is not there.
+            let section = offset.map_or(abi::SHN_UNDEF, |_| symbol.st_shndx);
+            let place = offset.map_or(0, |offset| self.first + offset as u64);
+            let mut bytes = symbol.st_name.to_le_bytes().to_vec();
+            bytes.extend([symbol.st_info, symbol.st_other]);
+            bytes.extend(section.to_le_bytes());
+            bytes.extend(place.to_le_bytes());
+            sys::poke(tid, self.base + entry, &bytes)?;
         }
         Ok(())
     }
