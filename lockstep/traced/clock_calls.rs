@@ -3,10 +3,13 @@
 use crate::traced::arch::Syscall;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
+
+/// The time of `timex` has nanoseconds.
+const STA_NANO: u32 = libc::STA_NANO.cast_unsigned();
 
 pub(crate) const TICKS_A_SECOND: u64 = 100;
 
@@ -66,12 +69,49 @@ impl Tracer<'_> {
         }
     }
 
+    /// When a wait ends whose time lies at an address, if anywhere: so long from now, or when a clock shows it.
+    pub(crate) fn deadline_at(
+        &self,
+        tid: Tid,
+        address: u64,
+        clock: Option<i32>,
+    ) -> Result<Option<u64>, Halt> {
+        if address == 0 {
+            return Ok(None);
+        }
+        let time = span(Memory(tid).read_pair(address)?).ok_or(Halt::Make)?;
+        Ok(match clock {
+            Some(clock) => self.clocks.when(clock, time, self.now),
+            None => Some(self.now.saturating_add(time)),
+        })
+    }
+
     /// `adjtimex`: the clock may be read, and not be adjusted.
-    pub(crate) fn adjust(entry: Entry, address: u64) -> Result<Handling, Halt> {
-        if Memory(entry.tid).read_u32(address)? != 0 {
+    pub(crate) fn adjust(&mut self, entry: Entry, address: u64) -> Result<Handling, Halt> {
+        const STATUS: u64 = 40;
+        const TIME: u64 = 72;
+        let memory = Memory(entry.tid);
+        if memory.read_u32(address)? != 0 {
             return Ok(failure(libc::EPERM));
         }
-        Ok(Handling::ToEnd(entry.registers, AtEnd::Adjusted(address)))
+        let result = self.make(entry, entry.a)?;
+        if result >= 0 {
+            let is_nano = memory.read_u32(address + STATUS)? & STA_NANO != 0;
+            let real = self.clocks.real(self.now);
+            let (seconds, part) = (if is_nano { parts } else { parts_micros })(real);
+            memory.write_pair(address + TIME, seconds, part)?;
+        }
+        Ok(Handling::Answer(result))
+    }
+
+    /// `sysinfo`: how long the system has run.
+    pub(crate) fn uptime(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let result = self.make(entry, entry.a)?;
+        if result >= 0 {
+            let (uptime, _) = parts(self.clocks.monotonic(self.now));
+            Memory(entry.tid).write(entry.a[0], &uptime.to_ne_bytes())?;
+        }
+        Ok(Handling::Answer(result))
     }
 
     pub(crate) fn sleep(&mut self, Entry { tid, call, a, .. }: Entry) -> Result<Handling, Halt> {

@@ -1,17 +1,10 @@
-//! Handling of each syscall at which a thread is stopped, and of their exit stops.
+//! Handling of each syscall at which a thread is stopped.
 
-use crate::traced::arch::{self, Group, Registers, Syscall, Vdso};
-use crate::traced::clock::{parts, parts_micros};
-use crate::traced::memory::Memory;
+use crate::traced::arch::{self, Group, Registers, Syscall};
 use crate::traced::one_processor::{affinity, current};
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, call_name, failure, int, low};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{AtEnd, OwnClocks, State};
-use crate::traced::wait::{Resume, Wait};
-
-/// The time of `timex` has nanoseconds.
-const STA_NANO: u32 = libc::STA_NANO.cast_unsigned();
 
 impl Tracer<'_> {
     /// Decides how a syscall is handled.
@@ -38,7 +31,7 @@ impl Tracer<'_> {
             Group::Sleep => self.sleep(entry),
             Group::Poll => self.poll_call(entry),
             Group::Signal => self.signal_call(entry),
-            Group::Kill => Ok(Self::kill_call(entry)),
+            Group::Kill => self.kill_call(entry),
             Group::Retried if call == Syscall::Fcntl && int(a[1]) == libc::F_SETFL => {
                 match int(a[2]) & libc::O_ASYNC {
                     0 => Ok(Handling::Make),
@@ -57,9 +50,9 @@ impl Tracer<'_> {
         } = entry;
         let registers = entry.registers;
         match entry.call {
-            Syscall::Adjtimex => Self::adjust(entry, a[0]),
-            Syscall::ClockAdjtime => Self::adjust(entry, a[1]),
-            Syscall::Sysinfo => Ok(Handling::ToEnd(registers, AtEnd::Uptime(a[0]))),
+            Syscall::Adjtimex => self.adjust(entry, a[0]),
+            Syscall::ClockAdjtime => self.adjust(entry, a[1]),
+            Syscall::Sysinfo => self.uptime(entry),
             Syscall::EpollCtl => self.polled_by_kernel(entry, int(a[2])),
             Syscall::Futex => self.futex(entry),
             Syscall::Ioctl => self.request(entry),
@@ -119,79 +112,5 @@ impl Tracer<'_> {
             // Those that have a group of their own.
             _ => Ok(Handling::Make),
         }
-    }
-
-    /// A thread is at an exit stop that matters.
-    pub(crate) fn syscall_exit(&mut self, tid: Tid) -> Result<(), Halt> {
-        self.tree.set_state(tid, State::Ready(Resume::Go(0)));
-        let Some(at_end) = self.tree.thread(tid)?.at_end.take() else {
-            return Ok(());
-        };
-        let registers = Registers::of(tid)?;
-        let result = registers.result();
-        // As the program left them, but for what the syscall returns.
-        let back = |mut before: Registers| {
-            before.set_result(result);
-            before.set(tid)
-        };
-        match at_end {
-            AtEnd::Restore(before) => back(before)?,
-            AtEnd::Again(before, end) => {
-                if let Some((address, bytes)) = end.restore {
-                    Memory(tid).write(address, &bytes)?;
-                }
-                back(before)?;
-                let has_found = match end.found {
-                    Some(0) => true,
-                    Some(address) => Memory(tid).read_u32(address)? != 0,
-                    None => false,
-                };
-                let is_waiting = |one: &i32| result == i64::from(*one);
-                if end.would_wait.iter().any(is_waiting) && !has_found {
-                    let late = end.late.into();
-                    self.block(tid, before, Wait::Again { late }, end.deadline);
-                } else {
-                    self.has_changed(tid)?;
-                }
-            }
-            AtEnd::Uptime(address) if result >= 0 => {
-                let (uptime, _) = parts(self.clocks.monotonic(self.now));
-                Memory(tid).write(address, &uptime.to_ne_bytes())?;
-            }
-            AtEnd::Adjusted(address) if result >= 0 => {
-                const STATUS: u64 = 40;
-                const TIME: u64 = 72;
-                let is_nano = Memory(tid).read_u32(address + STATUS)? & STA_NANO != 0;
-                let real = self.clocks.real(self.now);
-                let (seconds, part) = (if is_nano { parts } else { parts_micros })(real);
-                Memory(tid).write_pair(address + TIME, seconds, part)?;
-            }
-            AtEnd::Uptime(_) | AtEnd::Adjusted(_) => {}
-            AtEnd::Loaded(vdso) => {
-                let (number, arguments) = Vdso::page_call();
-                let result = self.inject(tid, number, arguments)?;
-                let page = vdso.replace(tid, result)?;
-                let process = self.tree.process_of(tid);
-                let clocks = page.map(|page| OwnClocks { page, shown: None });
-                self.tree.process(process)?.clocks = clocks;
-            }
-            AtEnd::TimerCreate { address, event } => {
-                self.timer_created(tid, registers, address, event)?;
-            }
-            AtEnd::Kill { signal } => {
-                self.schedule.signalled = true;
-                if signal == libc::SIGKILL {
-                    self.find_dying();
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// A syscall that was made again has done something.
-    fn has_changed(&mut self, tid: Tid) -> Result<(), Halt> {
-        self.schedule.happened += 1;
-        self.tree.thread(tid)?.retries = false;
-        Ok(())
     }
 }

@@ -2,14 +2,13 @@
 
 use std::io;
 
-use crate::traced::clock::span;
 use crate::traced::memory::Memory;
 use crate::traced::proc::{mapping, number};
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, failure, low};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{Retried, State, Thread};
-use crate::traced::wait::{Block, FutexKey, Resume, Wait};
+use crate::traced::tree::{State, Thread};
+use crate::traced::wait::{Block, FutexKey, Resume, Retried, Wait};
 
 const ALL_BITS: u32 = u32::MAX;
 
@@ -19,26 +18,27 @@ impl Tracer<'_> {
         let [address, operation, value, timeout, address2, value3] = entry.a;
         let operation = i32::try_from(low(operation)).unwrap_or(-1);
         let private = operation & libc::FUTEX_PRIVATE_FLAG != 0;
-        let by_date = operation & libc::FUTEX_CLOCK_REALTIME != 0;
+        let clock = match operation & libc::FUTEX_CLOCK_REALTIME {
+            0 => libc::CLOCK_MONOTONIC,
+            _ => libc::CLOCK_REALTIME,
+        };
         let (value, value3) = (low(value), low(value3));
         if !address.is_multiple_of(4) {
             return Ok(Handling::Make);
         }
         let command = operation & !(libc::FUTEX_PRIVATE_FLAG | libc::FUTEX_CLOCK_REALTIME);
+        let bits = match command {
+            libc::FUTEX_WAIT_BITSET | libc::FUTEX_WAKE_BITSET => value3,
+            _ => ALL_BITS,
+        };
         match command {
+            _ if bits == 0 => Ok(Handling::Make),
             libc::FUTEX_WAIT | libc::FUTEX_WAIT_BITSET => {
                 if Memory(tid).read_u32(address)? != value {
                     return Ok(failure(libc::EAGAIN));
                 }
-                let by_date = (command != libc::FUTEX_WAIT).then_some(by_date);
-                let deadline = self
-                    .futex_deadline(tid, timeout, by_date)?
-                    .ok_or(Halt::Make)?;
-                let bits = match command {
-                    libc::FUTEX_WAIT => ALL_BITS,
-                    _ if value3 == 0 => return Ok(Handling::Make),
-                    _ => value3,
-                };
+                let clock = (command != libc::FUTEX_WAIT).then_some(clock);
+                let deadline = self.deadline_at(tid, timeout, clock)?;
                 let wait = Wait::Futex {
                     key: self.futex_key(tid, address, private),
                     address,
@@ -48,11 +48,6 @@ impl Tracer<'_> {
                 Ok(Handling::Block(wait, deadline))
             }
             libc::FUTEX_WAKE | libc::FUTEX_WAKE_BITSET => {
-                let bits = if command == libc::FUTEX_WAKE {
-                    ALL_BITS
-                } else {
-                    value3
-                };
                 let key = self.futex_key(tid, address, private);
                 let woken = self.wake(key, value, bits)?;
                 Ok(Handling::Answer(woken))
@@ -77,45 +72,29 @@ impl Tracer<'_> {
                 }
                 Ok(Handling::Answer(woken))
             }
-            libc::FUTEX_LOCK_PI | libc::FUTEX_LOCK_PI2 => {
-                // The older form always goes by the date.
-                self.lock_with_inheritance(entry, by_date || command == libc::FUTEX_LOCK_PI)
-            }
+            // The older form always goes by the date.
+            libc::FUTEX_LOCK_PI => self.lock_with_inheritance(entry, libc::CLOCK_REALTIME),
+            libc::FUTEX_LOCK_PI2 => self.lock_with_inheritance(entry, clock),
             libc::FUTEX_WAIT_REQUEUE_PI | libc::FUTEX_CMP_REQUEUE_PI => Ok(failure(libc::ENOSYS)),
             _ => Ok(Handling::Make),
         }
     }
 
     /// A lock with priority inheritance: tried, and tried again whenever another thread has run.
-    fn lock_with_inheritance(&mut self, entry: Entry, by_date: bool) -> Result<Handling, Halt> {
-        let deadline = self.futex_deadline(entry.tid, entry.a[3], Some(by_date))?;
-        let deadline = deadline.ok_or(Halt::Make)?;
+    fn lock_with_inheritance(&mut self, entry: Entry, clock: i32) -> Result<Handling, Halt> {
+        let deadline = self.deadline_at(entry.tid, entry.a[3], Some(clock))?;
         let private = entry.a[1] & u64::from(libc::FUTEX_PRIVATE_FLAG.unsigned_abs());
         let operation = private | u64::from(libc::FUTEX_TRYLOCK_PI.unsigned_abs());
-        let mut tried = entry.registers;
-        tried.set_argument(1, operation);
-        let mut end = Retried::new(&[-libc::EAGAIN], -libc::ETIMEDOUT);
-        end.deadline = deadline;
-        self.try_call(entry, tried, end)
-    }
-
-    /// When a wait ends whose time is at this address: so long from now, or when the clock shows it,
-    /// by the date or not. Nothing within if it never does, and nothing at all if it is no time.
-    fn futex_deadline(
-        &self,
-        tid: Tid,
-        timeout: u64,
-        by_date: Option<bool>,
-    ) -> io::Result<Option<Option<u64>>> {
-        if timeout == 0 {
-            return Ok(Some(None));
-        }
-        let time = span(Memory(tid).read_pair(timeout)?);
-        Ok(time.map(|time| match by_date {
-            None => Some(self.now.saturating_add(time)),
-            Some(true) => self.clocks.when(libc::CLOCK_REALTIME, time, self.now),
-            Some(false) => self.clocks.when(libc::CLOCK_MONOTONIC, time, self.now),
-        }))
+        let mut arguments = entry.a;
+        arguments[1] = operation;
+        let retried = Retried {
+            call: (libc::SYS_futex, arguments),
+            memory: Vec::new(),
+            would_wait: &[-libc::EAGAIN],
+            found: None,
+            late: -libc::ETIMEDOUT,
+        };
+        self.retry(entry, retried, deadline)
     }
 
     /// Wakes so many who wait there, those first that have waited longest; how many there were.

@@ -6,7 +6,7 @@ use crate::traced::arch::Registers;
 use crate::traced::memory::Memory;
 use crate::traced::proc::{members_of_epoll, name_of, path_of};
 use crate::traced::sys::{self, Tid};
-use crate::traced::syscall::Halt;
+use crate::traced::syscall::{Entry, Halt};
 use crate::traced::tracer::Tracer;
 
 impl Tracer<'_> {
@@ -28,18 +28,22 @@ impl Tracer<'_> {
         let before = Registers::of(tid)?;
         // A signal would come first.
         let blocked = sys::set_blocked(tid, u64::MAX)?;
-        before.call(gate, number, arguments).set(tid)?;
+        let call = before.call(gate, number, arguments);
+        call.set(tid)?;
         let mut has_begun = false;
         let result = loop {
-            sys::resume_to_syscall_exit(tid, 0)?;
-            let is_call = self.wait_for_stop(tid)?;
+            sys::resume_to_syscall_stop(tid)?;
+            if !self.wait_for_stop(tid)? {
+                continue;
+            }
             let registers = Registers::of(tid)?;
-            // Else it is the end of the syscall at which the thread was, which is not made.
-            if is_call && registers.number() == number {
-                if has_begun {
-                    break registers.result();
-                }
-                has_begun = true;
+            if has_begun {
+                break registers.result();
+            }
+            has_begun = registers.number() == number;
+            if !has_begun {
+                // It is the end of the syscall at which the thread was, which may have set its result.
+                call.set(tid)?;
             }
         };
         before.set(tid)?;
@@ -47,7 +51,12 @@ impl Tracer<'_> {
         Ok(result)
     }
 
-    /// The same with these bytes at a place in its memory, which is put back.
+    /// Makes the syscall that a thread is at, with these arguments. It must not wait.
+    pub(crate) fn make(&mut self, entry: Entry, arguments: [u64; 6]) -> Result<i64, Halt> {
+        self.inject(entry.tid, entry.registers.number(), arguments)
+    }
+
+    /// The same as [`Self::inject`] with these bytes at a place in its memory, which is put back.
     pub(crate) fn inject_with(
         &mut self,
         tid: Tid,

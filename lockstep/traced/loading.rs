@@ -1,14 +1,14 @@
 //! Programs that have just been loaded: whether they can be run, and what they are given.
 
 use crate::Error;
-use crate::traced::arch::{self, Registers};
+use crate::traced::arch::{self, Registers, Vdso};
 use crate::traced::descriptor::Files;
 use crate::traced::memory::Memory;
 use crate::traced::proc::number;
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::Halt;
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{AtEnd, State, Thread};
+use crate::traced::tree::{OwnClocks, State, Thread};
 use crate::traced::wait::Resume;
 
 impl Tracer<'_> {
@@ -44,7 +44,12 @@ impl Tracer<'_> {
         let random = self.random(&mut bytes).map(|()| bytes);
         let vdso = arch::prepare_image(Memory(tid), stack, random)?;
         self.tree.process(tid)?.gate = vdso.as_ref().map(|vdso| vdso.gate);
-        self.tree.thread(tid)?.at_end = vdso.map(AtEnd::Loaded);
+        if let Some(vdso) = vdso {
+            let (number, arguments) = Vdso::page_call();
+            let result = self.inject(tid, number, arguments)?;
+            let page = vdso.replace(tid, result)?;
+            self.tree.process(tid)?.clocks = page.map(|page| OwnClocks { page, shown: None });
+        }
         Ok(())
     }
 

@@ -220,29 +220,22 @@ impl Tracer<'_> {
     /// listens there.
     fn is_of_run(&self, is_stream: bool, address: SocketAddr, peer: SocketAddr) -> bool {
         let kind = if is_stream { "tcp" } else { "udp" };
-        let tables = [kind.to_owned(), format!("{kind}6")];
-        let inodes: Vec<String> = tables
-            .iter()
-            .filter_map(|table| std::fs::read_to_string(format!("/proc/net/{table}")).ok())
-            .flat_map(|text| {
-                let lines: Vec<String> = text
-                    .lines()
-                    .skip(1)
-                    .filter_map(|line| {
-                        let words: Vec<&str> = line.split_whitespace().collect();
-                        let port = |at: usize| {
-                            let (_, port) = words.get(at)?.rsplit_once(':')?;
-                            u16::from_str_radix(port, 16).ok()
-                        };
-                        // 0A is a socket that listens.
-                        let fits = port(1)? == address.port()
-                            && (port(2)? == peer.port() || words.get(3) == Some(&"0A"));
-                        fits.then(|| words.get(9).map(|inode| format!("socket:[{inode}]")))?
-                    })
-                    .collect();
-                lines
-            })
-            .collect();
+        let mut inodes = Vec::new();
+        for table in [kind, &format!("{kind}6")] {
+            let text = std::fs::read_to_string(format!("/proc/net/{table}")).unwrap_or_default();
+            for line in text.lines().skip(1) {
+                let words: Vec<&str> = line.split_whitespace().collect();
+                let ends_in = |at: usize, port: u16| {
+                    let (_, found) = words.get(at)?.rsplit_once(':')?;
+                    Some(u16::from_str_radix(found, 16) == Ok(port))
+                };
+                // 0A is a socket that listens.
+                let is_peer = ends_in(2, peer.port()) == Some(true) || words.get(3) == Some(&"0A");
+                if is_peer && ends_in(1, address.port()) == Some(true) {
+                    inodes.extend(words.get(9).map(|inode| format!("socket:[{inode}]")));
+                }
+            }
+        }
         let mut processes = self.tree.processes.keys().copied().chain([own_pid()]);
         processes.any(|pid| {
             files_of(pid).any(|path| {

@@ -4,7 +4,7 @@
 use rustix::event::PollFlags;
 
 use crate::traced::arch::Syscall;
-use crate::traced::clock::{parts, parts_micros, span, span_micros};
+use crate::traced::clock::{parts, parts_micros, span_micros};
 use crate::traced::memory::Memory;
 use crate::traced::proc::table_size;
 use crate::traced::sys::Tid;
@@ -28,20 +28,12 @@ type Times = (Option<u64>, Option<u64>);
 
 impl Tracer<'_> {
     pub(crate) fn poll_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
-        let Entry { call, a, .. } = entry;
-        let memory = Memory(entry.tid);
+        let Entry { tid, call, a, .. } = entry;
+        let memory = Memory(tid);
         let now = self.now;
         let millis = |value: u64| {
             let millis = u64::try_from(int(value)).ok()?;
             Some(now.saturating_add(millis * 1_000_000))
-        };
-        // What lies at an address, or none for ever; the system refuses a wrong one.
-        let at = |address: u64, read: fn((i64, i64)) -> Option<u64>| {
-            if address == 0 {
-                return Ok(None);
-            }
-            let time = read(memory.read_pair(address)?).ok_or(Halt::Make)?;
-            Ok::<_, Halt>(Some(now.saturating_add(time)))
         };
         let word = |address: u64| match address {
             0 => Ok(None),
@@ -49,11 +41,18 @@ impl Tracer<'_> {
         };
         let times = match call {
             Syscall::Poll => (millis(a[2]), None),
-            Syscall::Ppoll => (at(a[2], span)?, word(a[3])?),
-            Syscall::Select => (at(a[4], span_micros)?, None),
+            Syscall::Ppoll => (self.deadline_at(tid, a[2], None)?, word(a[3])?),
+            Syscall::Select if a[4] == 0 => (None, None),
+            Syscall::Select => {
+                let time = span_micros(memory.read_pair(a[4])?).ok_or(Halt::Make)?;
+                (Some(now.saturating_add(time)), None)
+            }
             // The set of signals lies behind another address.
-            Syscall::Pselect => (at(a[4], span)?, word(word(a[5])?.unwrap_or(0))?),
-            Syscall::EpollPwait2 => (at(a[3], span)?, word(a[4])?),
+            Syscall::Pselect => (
+                self.deadline_at(tid, a[4], None)?,
+                word(word(a[5])?.unwrap_or(0))?,
+            ),
+            Syscall::EpollPwait2 => (self.deadline_at(tid, a[3], None)?, word(a[4])?),
             Syscall::EpollPwait => (millis(a[3]), word(a[4])?),
             _ => (millis(a[3]), None),
         };

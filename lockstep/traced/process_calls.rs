@@ -1,13 +1,12 @@
 //! Syscalls about other processes: signals and ends.
 
 use crate::traced::arch::Syscall;
-use crate::traced::clock::span;
 use crate::traced::memory::Memory;
 use crate::traced::proc::kernel_state;
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::{Entry, Halt, Handling, int};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{AtEnd, State, Thread};
+use crate::traced::tree::{State, Thread};
 use crate::traced::wait::Wait;
 
 impl Tracer<'_> {
@@ -18,13 +17,7 @@ impl Tracer<'_> {
             Syscall::Pause => (None, None, None),
             Syscall::Sigsuspend => (None, Some(memory.read_u64(a[0])?), None),
             _ => {
-                let deadline = match a[2] {
-                    0 => None,
-                    address => match span(memory.read_pair(address)?) {
-                        Some(time) => Some(self.now.saturating_add(time)),
-                        None => return Ok(Handling::Make),
-                    },
-                };
+                let deadline = self.deadline_at(entry.tid, a[2], None)?;
                 (Some(memory.read_u64(a[0])?), None, deadline)
             }
         };
@@ -36,14 +29,18 @@ impl Tracer<'_> {
         Ok(Handling::Block(Wait::Signal { set, mask }, deadline))
     }
 
-    /// After a signal has been sent, those that wait are polled.
-    pub(crate) fn kill_call(entry: Entry) -> Handling {
+    /// After a signal has been sent, those that wait are polled; a process that SIGKILL ends is waited for.
+    pub(crate) fn kill_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let signal = match entry.call {
             Syscall::Tgkill => entry.a[2],
             _ => entry.a[1],
         };
-        let signal = int(signal);
-        Handling::ToEnd(entry.registers, AtEnd::Kill { signal })
+        let result = self.make(entry, entry.a)?;
+        self.schedule.signalled = true;
+        if int(signal) == libc::SIGKILL {
+            self.find_dying();
+        }
+        Ok(Handling::Answer(result))
     }
 
     /// Marks the processes that SIGKILL has been sent to, which are gone before any other goes on. Their

@@ -28,17 +28,7 @@ impl Processor {
             turns: 0,
         }
     }
-}
 
-impl Drop for Processor {
-    fn drop(&mut self) {
-        if let Some(all) = &self.all {
-            let _ = sched_setaffinity(None, all);
-        }
-    }
-}
-
-impl Processor {
     /// A thread is about to run: on the processor of the tracer. Now and then that is where the
     /// system wakes it up when it is free to choose.
     pub(crate) fn share(&mut self, threads: &Threads) {
@@ -71,6 +61,14 @@ impl Processor {
         {
             place(threads, &all);
             self.turns = 0;
+        }
+    }
+}
+
+impl Drop for Processor {
+    fn drop(&mut self) {
+        if let Some(all) = &self.all {
+            let _ = sched_setaffinity(None, all);
         }
     }
 }

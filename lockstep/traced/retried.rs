@@ -1,11 +1,11 @@
 //! Syscalls that are made without waiting, and again when something has happened: children, locks, queues.
 
-use crate::traced::arch::{Registers, Syscall};
-use crate::traced::clock::span;
+use crate::traced::arch::Syscall;
 use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{AtEnd, Retried};
+use crate::traced::wait::{Retried, Wait};
 
 impl Tracer<'_> {
     pub(crate) fn retried_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
@@ -24,13 +24,19 @@ impl Tracer<'_> {
         if a[index] & flag != 0 {
             return Ok(self.query(entry).unwrap_or(Handling::Make));
         }
-        let mut tried = entry.registers;
-        tried.set_argument(index, a[index] | flag);
-        let mut end = Retried::new(would_wait, -libc::EAGAIN);
+        let mut tried = Retried {
+            call: (entry.registers.number(), a),
+            memory: Vec::new(),
+            would_wait,
+            found: None,
+            late: -libc::EAGAIN,
+        };
+        let mut deadline = None;
+        tried.call.1[index] |= flag;
         match call {
-            Syscall::Waitid => end.found = Some(a[2]),
+            Syscall::Waitid => tried.found = Some(a[2]),
             // The commands that do not wait come before those that do.
-            Syscall::Fcntl => tried.set_argument(1, a[1] - 1),
+            Syscall::Fcntl => tried.call.1[1] -= 1,
             Syscall::Semop | Syscall::Semtimedop => {
                 /// The length of a `sembuf`: number, operation, flags of two bytes each.
                 const LENGTH: usize = 6;
@@ -44,31 +50,48 @@ impl Tracer<'_> {
                 if bytes.chunks_exact(LENGTH).any(|one| one[5] & 0x08 != 0) {
                     return Ok(Handling::Make);
                 }
-                end.restore = Some((a[1], bytes.clone()));
                 for one in bytes.chunks_exact_mut(LENGTH) {
                     one[5] |= 0x08;
                 }
-                Memory(tid).write(a[1], &bytes)?;
-                if call == Syscall::Semtimedop && a[3] != 0 {
-                    let time = span(Memory(tid).read_pair(a[3])?);
-                    end.deadline = time.map(|time| self.now.saturating_add(time));
+                tried.memory = bytes;
+                if call == Syscall::Semtimedop {
+                    deadline = self.deadline_at(tid, a[3], None)?;
                 }
             }
             _ => {}
         }
-        self.try_call(entry, tried, end)
+        self.retry(entry, tried, deadline)
     }
 
-    /// Makes a syscall with these registers, by which it does not wait, and again when something has happened.
-    pub(crate) fn try_call(
+    /// Makes a syscall by which a thread does not wait, and again when something has happened.
+    pub(crate) fn retry(
         &mut self,
         entry: Entry,
-        tried: Registers,
-        mut end: Retried,
+        retried: Retried,
+        deadline: Option<u64>,
     ) -> Result<Handling, Halt> {
-        // A wait that has begun before goes on to its own deadline.
-        let before = self.tree.thread(entry.tid)?.again_until.take();
-        end.deadline = before.or(end.deadline);
-        Ok(Handling::ToEnd(tried, AtEnd::Again(entry.registers, end)))
+        let result = self.try_once(entry.tid, &retried)?;
+        Ok(result.map_or(
+            Handling::Block(Wait::Again(retried), deadline),
+            Handling::Answer,
+        ))
+    }
+
+    /// Makes it once; the result, unless it would have to wait.
+    pub(crate) fn try_once(&mut self, tid: Tid, retried: &Retried) -> Result<Option<i64>, Halt> {
+        let (number, a) = retried.call;
+        let result = if retried.memory.is_empty() {
+            self.inject(tid, number, a)?
+        } else {
+            let arguments = |place| [a[0], place, a[2], a[3], a[4], a[5]];
+            self.inject_with(tid, number, |_| retried.memory.clone(), arguments)?
+        };
+        let is_it = |one: &i32| result == i64::from(*one);
+        let mut waits = retried.would_wait.iter().any(is_it);
+        if waits && let Some(address) = retried.found {
+            waits = address != 0 && Memory(tid).read_u32(address)? == 0;
+        }
+        self.schedule.happened += u64::from(!waits);
+        Ok((!waits).then_some(result))
     }
 }

@@ -123,7 +123,7 @@ impl Tracer<'_> {
                 registers.answer(tid, received)?;
             }
             Wait::BackOff(resume) => thread.state = State::Ready(resume),
-            Wait::Again { .. } => {
+            Wait::Again(_) => {
                 // At the end of the syscall; the system makes it again or not, as the signal has it.
                 const ERESTARTSYS: i64 = 512;
                 registers.set_result(-ERESTARTSYS);

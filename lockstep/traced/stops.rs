@@ -143,7 +143,6 @@ impl Tracer<'_> {
                 self.schedule.interrupted = None;
                 self.preempt(tid)?;
             }
-            0 if signal == libc::SIGTRAP | 0x80 => self.syscall_exit(tid)?,
             0 => self.signal(tid, signal)?,
             _ => self.tree.set_state(tid, State::Ready(Resume::Go(0))),
         }

@@ -54,18 +54,15 @@ pub(crate) fn seize(tid: Tid) -> io::Result<()> {
     request(libc::PTRACE_SEIZE, tid, 0, options)
 }
 
-fn with_signal(what: Request, tid: Tid, signal: i32) -> io::Result<()> {
-    request(what, tid, 0, usize::try_from(signal).unwrap_or_default())
-}
-
 /// Resumes a stopped thread, with a signal if that is not 0.
 pub(crate) fn resume(tid: Tid, signal: i32) -> io::Result<()> {
-    with_signal(libc::PTRACE_CONT, tid, signal)
+    let signal = usize::try_from(signal).unwrap_or_default();
+    request(libc::PTRACE_CONT, tid, 0, signal)
 }
 
 /// The same to the end of its syscall, or to the beginning of the next.
-pub(crate) fn resume_to_syscall_exit(tid: Tid, signal: i32) -> io::Result<()> {
-    with_signal(libc::PTRACE_SYSCALL, tid, signal)
+pub(crate) fn resume_to_syscall_stop(tid: Tid) -> io::Result<()> {
+    request(libc::PTRACE_SYSCALL, tid, 0, 0)
 }
 
 /// Leaves a thread stopped by job control until it is continued.

@@ -6,7 +6,6 @@ use syscalls::Sysno;
 
 use crate::traced::arch::{Registers, Syscall};
 use crate::traced::sys::Tid;
-use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
 use crate::{Broken, Error};
 
@@ -55,10 +54,6 @@ impl From<Broken> for Halt {
 }
 
 /// Handling of a syscall.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "it is looked at once, where it is made"
-)]
 pub(crate) enum Handling {
     Make,
     /// The thread is no longer at it, and comes back to it.
@@ -67,8 +62,6 @@ pub(crate) enum Handling {
     Answer(i64),
     /// It waits until then at most.
     Block(Wait, Option<u64>),
-    /// It is made, with these registers, up to its exit stop.
-    ToEnd(Registers, AtEnd),
 }
 
 pub(crate) fn call_name(number: i64) -> String {

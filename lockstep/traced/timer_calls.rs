@@ -9,7 +9,6 @@ use rustix::event::PollFlags;
 use rustix::process::Signal;
 use rustix::time::{Itimerspec, TimerfdTimerFlags, Timespec};
 
-use crate::traced::arch::Registers;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
@@ -18,7 +17,7 @@ use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
 use crate::traced::timers::{Kind, Timer, has_mark};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{AtEnd, Thread, TimerEvent};
+use crate::traced::tree::{Thread, TimerEvent};
 
 /// Most timers of a run; a program that makes more gets an error.
 const MOST: usize = 4096;
@@ -88,23 +87,12 @@ impl Tracer<'_> {
                 value: Some(value),
             }
         };
-        let at_end = AtEnd::TimerCreate { address, event };
-        Ok(Handling::ToEnd(entry.registers, at_end))
-    }
-
-    /// It has been made, by a syscall whose registers these are.
-    pub(crate) fn timer_created(
-        &mut self,
-        tid: Tid,
-        registers: Registers,
-        address: u64,
-        event: TimerEvent,
-    ) -> Result<(), Halt> {
-        if registers.result() != 0 {
-            return Ok(());
+        let result = self.make(entry, entry.a)?;
+        if result != 0 {
+            return Ok(Handling::Answer(result));
         }
-        let id = Memory(tid).read_u32(address)?.cast_signed();
-        let process = self.tree.process_of(tid);
+        let id = memory.read_u32(address)?.cast_signed();
+        let process = entry.process;
         let named = event.thread.and_then(|named| {
             let mut threads = self.tree.threads.iter();
             let is_it = |(tid, thread): &(&Tid, &Thread)| {
@@ -116,10 +104,10 @@ impl Tracer<'_> {
             thread: named,
             ..event
         };
-        let clock = int(registers.arguments()[0]);
+        let clock = int(clock);
         let kind = Kind::Posix { id, event, clock };
         self.timers.add(process, kind);
-        Ok(())
+        Ok(Handling::Answer(result))
     }
 
     /// `timer_settime`, or `timer_gettime` without `new`.

@@ -7,13 +7,12 @@ use rustix::event::PollFlags;
 use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 
 use crate::traced::arch::Syscall;
-use crate::traced::clock::{nanoseconds, span};
+use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::{Memory, whole_length};
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::AtEnd;
 use crate::traced::wait::{PollResult, Rest, Wait};
 
 /// Most random bytes of one syscall; the program asks for the rest again.
@@ -84,11 +83,13 @@ impl Tracer<'_> {
         let action = self.may_wait(entry, fd, &descriptor)?;
         if call == Syscall::Recvmmsg && matches!(action, Handling::Make) {
             // It would wait for the others of the messages that it has room for.
-            let mut changed = entry.registers;
-            let first_only = u64::from(libc::MSG_WAITFORONE.unsigned_abs());
-            changed.set_argument(3, a[3] | first_only);
-            changed.set_argument(4, 0);
-            return Ok(Handling::ToEnd(changed, AtEnd::Restore(entry.registers)));
+            let first_only = libc::MSG_WAITFORONE | libc::MSG_DONTWAIT;
+            let flags = a[3] | u64::from(first_only.unsigned_abs());
+            return match self.make(entry, [a[0], a[1], a[2], flags, 0, a[5]])? {
+                // There was one for another thread, or a damaged one.
+                result if result == -i64::from(libc::EAGAIN) => Err(Halt::Again),
+                result => Ok(Handling::Answer(result)),
+            };
         }
         Ok(action)
     }
@@ -212,8 +213,7 @@ impl Tracer<'_> {
         let (mut late, mut deadline) = (-i64::from(libc::EAGAIN), None);
         if is_queue(call) && a[4] != 0 {
             late = -i64::from(libc::ETIMEDOUT);
-            let time = span(Memory(tid).read_pair(a[4])?);
-            deadline = time.and_then(|t| self.clocks.when(libc::CLOCK_REALTIME, t, self.now));
+            deadline = self.deadline_at(tid, a[4], Some(libc::CLOCK_REALTIME))?;
         } else if descriptor.is_socket() {
             let which = match flags {
                 PollFlags::OUT => Timeout::Send,

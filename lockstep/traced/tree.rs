@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use rustix::process::{Pid, PidfdFlags};
 
-use crate::traced::arch::{Registers, Shared, Vdso};
+use crate::traced::arch::Shared;
 use crate::traced::descriptor::Files;
 use crate::traced::sys::{self, Tid};
 use crate::traced::wait::{Block, Resume};
@@ -64,12 +64,8 @@ pub(crate) struct Thread {
     pub(crate) paid: u64,
     /// It has been interrupted because it computed for long.
     pub(crate) preempted: bool,
-    /// It makes a syscall again that may have to wait on; that alone changes nothing for others.
-    pub(crate) retries: bool,
-    /// The deadline of a wait that is a syscall made again.
+    /// The deadline of a wait, while its syscall is handled once more.
     pub(crate) again_until: Option<u64>,
-    /// Thing to do at the exit stop of its syscall.
-    pub(crate) at_end: Option<AtEnd>,
 }
 
 pub(crate) enum State {
@@ -81,53 +77,6 @@ pub(crate) enum State {
     Stopped,
     /// It has slept in the kernel for long, and waits for something outside of what is simulated.
     InKernel,
-}
-
-/// Thing to do at a syscall-exit stop.
-pub(crate) enum AtEnd {
-    /// A syscall made without waiting; as its registers were.
-    Again(Registers, Retried),
-    /// An argument has been changed for the syscall alone; as its registers were.
-    Restore(Registers),
-    /// A new program has been loaded, whose clocks have to have a page.
-    Loaded(Vdso),
-    /// `sysinfo` has written how long the system has run.
-    Uptime(u64),
-    /// `adjtimex` has written the time.
-    Adjusted(u64),
-    TimerCreate {
-        address: u64,
-        event: TimerEvent,
-    },
-    /// A signal has been sent; a process that SIGKILL ends is waited for.
-    Kill {
-        signal: i32,
-    },
-}
-
-/// A syscall that was made without waiting.
-pub(crate) struct Retried {
-    /// Results by which it says that it would have to wait.
-    pub(crate) would_wait: &'static [i32],
-    /// Address of a word in which it says that it has found something, if that is not 0.
-    pub(crate) found: Option<u64>,
-    /// Memory to put back.
-    pub(crate) restore: Option<(u64, Vec<u8>)>,
-    pub(crate) deadline: Option<u64>,
-    /// What it returns at the deadline.
-    pub(crate) late: i32,
-}
-
-impl Retried {
-    pub(crate) fn new(would_wait: &'static [i32], late: i32) -> Self {
-        Self {
-            would_wait,
-            found: None,
-            restore: None,
-            deadline: None,
-            late,
-        }
-    }
 }
 
 /// Signal of a POSIX timer whose time has come.
@@ -148,9 +97,7 @@ impl Thread {
             turn: 0,
             paid: 0,
             preempted: false,
-            retries: false,
             again_until: None,
-            at_end: None,
         }
     }
 

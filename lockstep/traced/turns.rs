@@ -56,15 +56,9 @@ impl Tracer<'_> {
         };
         thread.state = State::Running;
         thread.turn = 0;
-        if !thread.retries {
-            self.schedule.happened += 1;
-        }
-        let has_end = thread.at_end.is_some();
+        self.schedule.happened += 1;
         self.processor.share(&self.tree.threads);
         match resume {
-            Resume::Go(signal) if has_end => {
-                sys::resume_to_syscall_exit(tid, signal)?;
-            }
             Resume::Go(signal) => {
                 self.show_clocks(tid)?;
                 sys::resume(tid, signal)?;
@@ -80,17 +74,17 @@ impl Tracer<'_> {
                 self.report.calls += 1;
                 self.tree.thread(tid)?.preempted = false;
                 let registers = Registers::of(tid)?;
-                // What is made again has been counted.
-                let counts = !backed_off && !self.tree.thread(tid)?.retries;
-                let action = if counts && counted(&mut self.schedule.paid, self.now, FREE_CALLS) {
-                    self.back_off()
-                } else {
-                    match self.call(tid, registers, backed_off) {
-                        Err(Halt::Make) => Handling::Make,
-                        Err(Halt::Again) => Handling::Again,
-                        action => action?,
-                    }
-                };
+                // What is handled again has been counted.
+                let action =
+                    if !backed_off && counted(&mut self.schedule.paid, self.now, FREE_CALLS) {
+                        self.back_off()
+                    } else {
+                        match self.call(tid, registers, backed_off) {
+                            Err(Halt::Make) => Handling::Make,
+                            Err(Halt::Again) => Handling::Again,
+                            action => action?,
+                        }
+                    };
                 self.act(tid, registers, action)?;
             }
         }
@@ -114,11 +108,6 @@ impl Tracer<'_> {
                 self.tree.set_state(tid, State::Ready(Resume::Go(0)));
             }
             Handling::Block(wait, deadline) => self.block(tid, registers, wait, deadline),
-            Handling::ToEnd(changed, at_end) => {
-                changed.set(tid)?;
-                self.tree.thread(tid)?.at_end = Some(at_end);
-                sys::resume_to_syscall_exit(tid, 0)?;
-            }
         }
         Ok(())
     }

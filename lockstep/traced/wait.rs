@@ -95,10 +95,8 @@ pub(crate) enum Wait {
         set: Option<u64>,
         mask: Option<u64>,
     },
-    /// Whatever another thread does; then the syscall is made again. What it returns at the deadline.
-    Again {
-        late: i64,
-    },
+    /// Whatever another thread does; then the syscall is made again. The thread is at a syscall-exit stop.
+    Again(Retried),
     /// The child of `vfork`, until it has a memory of its own.
     Vfork {
         child: i32,
@@ -122,6 +120,20 @@ pub(crate) struct Rest {
     pub(crate) call: (i64, u64),
     pub(crate) parts: Vec<(u64, u64)>,
     pub(crate) sent: usize,
+}
+
+/// A syscall that is made without waiting, and again when something has happened.
+pub(crate) struct Retried {
+    /// Its number and arguments.
+    pub(crate) call: (i64, [u64; 6]),
+    /// What the second of them leads to, if not to what the program has there.
+    pub(crate) memory: Vec<u8>,
+    /// Results by which it says that it would have to wait.
+    pub(crate) would_wait: &'static [i32],
+    /// Address of a word in which it says that it has found something, if that is not 0.
+    pub(crate) found: Option<u64>,
+    /// Value that it returns at the deadline.
+    pub(crate) late: i32,
 }
 
 /// Place of a poll's result.

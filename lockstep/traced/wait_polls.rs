@@ -2,7 +2,6 @@
 
 use rustix::event::PollFlags;
 
-use crate::traced::arch::Registers;
 use crate::traced::clock::nanoseconds;
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Halt, counted};
@@ -18,8 +17,6 @@ enum Polled {
     /// The syscall is made as it is, or is handled once more, before another can take what it is for.
     Make(Resume),
     Answer(i64),
-    /// The syscall is made again, since it is at its end.
-    Again,
     Resume(Resume),
 }
 
@@ -52,7 +49,7 @@ impl Tracer<'_> {
             return Ok((false, false));
         };
         let before = std::mem::replace(&mut block.polled_at, happened);
-        let mut registers = block.registers;
+        let registers = block.registers;
         let (asked, ends) = (block.deadline, block.ends());
         // Taken out for the poll, and put back if it goes on.
         let mut wait = std::mem::replace(&mut block.wait, Wait::Forever);
@@ -89,14 +86,6 @@ impl Tracer<'_> {
             }
             Polled::Answer(result) => {
                 registers.answer(tid, result)?;
-                Resume::Go(0)
-            }
-            Polled::Again => {
-                let thread = self.tree.thread(tid)?;
-                thread.retries = true;
-                thread.again_until = deadline;
-                registers.make_again();
-                registers.set(tid)?;
                 Resume::Go(0)
             }
             Polled::Resume(resume) => resume,
@@ -186,9 +175,12 @@ impl Tracer<'_> {
                 answer.map_or(Polled::Waits, Polled::Answer)
             }
             // Each time something has happened; but not when it is too late.
-            Wait::Again { .. } if is_late => Polled::Waits,
-            Wait::Again { .. } => Polled::Again,
-            Wait::Signal { .. }
+            Wait::Again(retried) if !is_late => {
+                let result = self.try_once(tid, retried)?;
+                result.map_or(Polled::Waits, Polled::Answer)
+            }
+            Wait::Again(_)
+            | Wait::Signal { .. }
             | Wait::Sleep { .. }
             | Wait::BackOff(_)
             | Wait::Futex { .. }
@@ -228,13 +220,7 @@ impl Tracer<'_> {
                 let answer = self.answer_poll(tid, set, &found, result, None)?;
                 Polled::Answer(answer.unwrap_or(0))
             }
-            Wait::Again { late } => {
-                // At its end; what it returned is replaced.
-                let mut registers = Registers::of(tid)?;
-                registers.set_result(*late);
-                registers.set(tid)?;
-                Polled::Resume(Resume::Go(0))
-            }
+            Wait::Again(retried) => Polled::Answer(retried.late.into()),
             Wait::PortRead { port, into, .. } => match self.ports[*port].unread() {
                 0 => Polled::Answer(0),
                 _ => Polled::Answer(self.receive(tid, *port, into)?),

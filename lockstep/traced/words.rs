@@ -6,7 +6,7 @@ use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::call_name;
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::State;
-use crate::traced::wait::{Awaited, Block, Resume, Wait};
+use crate::traced::wait::{Awaited, Resume, Wait};
 
 impl Tracer<'_> {
     /// Returns what the programs are doing, as text.
@@ -33,7 +33,7 @@ impl Tracer<'_> {
                     waits.push(computing(*tid, place_of(thread.process, *tid)));
                     continue;
                 }
-                State::Blocked(block) => self.wait_text(block),
+                State::Blocked(block) => self.wait_text(&block.wait),
                 State::Stopped => "for being continued".to_owned(),
                 State::InKernel => "in the kernel".to_owned(),
                 State::Running | State::Ready(_) => continue,
@@ -47,7 +47,7 @@ impl Tracer<'_> {
         waits.join(", ")
     }
 
-    fn wait_text(&self, block: &Block) -> String {
+    fn wait_text(&self, wait: &Wait) -> String {
         let file = |one: &Awaited| {
             let path = one.file.as_ref().and_then(|file| file.path());
             path.map_or(format!("descriptor {}", one.fd), |path| {
@@ -57,7 +57,7 @@ impl Tracer<'_> {
                 }
             })
         };
-        match &block.wait {
+        match wait {
             Wait::Sleep { .. } | Wait::BackOff(_) => "for time to pass".to_owned(),
             Wait::Poll { set, .. } => {
                 let files: Vec<String> = set.iter().map(file).collect();
@@ -72,7 +72,7 @@ impl Tracer<'_> {
             Wait::Futex { .. } => "for another thread".to_owned(),
             Wait::Signal { .. } => "for a signal".to_owned(),
             Wait::Vfork { .. } => "for a child".to_owned(),
-            Wait::Again { .. } => match block.registers.number() {
+            Wait::Again(retried) => match retried.call.0 {
                 libc::SYS_wait4 | libc::SYS_waitid => "for a child".to_owned(),
                 _ => "for a lock or a queue".to_owned(),
             },
