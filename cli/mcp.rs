@@ -1,57 +1,65 @@
 //! The `mcp` subcommand: a server of the Model Context Protocol on standard input and output.
 //!
-//! A tool is a command line of this program, by the table in `mcp/tools.json`; its output is the answer. Of
-//! the protocol it needs four methods. A library would save about a quarter of this file, by a sketch, and
-//! bring an asynchronous runtime.
+//! A tool is a command line of this program, by the table in `mcp/tools.json`; its output is the answer.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, File};
-use std::io::{self, BufRead, BufReader, Read as _, Write as _};
+use std::io;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::{self, Scope};
-use std::time::{Duration, Instant};
+use std::process::Stdio;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use rigsim_core::device::Devices;
+use rmcp::model::{
+    CallToolRequestParams, CallToolResponse, CallToolResult, ContentBlock, Implementation,
+    JsonObject, ListToolsResult, PaginatedRequestParams, ServerCapabilities, ServerConfig, Tool,
+    object,
+};
+use rmcp::service::{RequestContext, RoleServer, ServerInitializeError, ServiceExt as _};
+use rmcp::transport::async_rw::AsyncRwTransport;
+use rmcp::{ErrorData, ServerHandler};
 use rustix::process::{Pid, Signal, kill_process};
 use serde::Deserialize;
-use serde_json::{Map, Value, json};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
-use signal_hook::low_level::emulate_default_handler;
+use serde_json::{Value, json};
 use tempfile::TempDir;
+use tokio::io::{AsyncBufReadExt as _, AsyncReadExt as _, BufReader};
+use tokio::net::unix::pipe::Receiver;
+use tokio::process::{Child, Command};
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::{Mutex, Semaphore};
+use tokio::time::{Instant, sleep, timeout};
 
 use crate::exit::{Exit, Failure};
 
 const TOOLS: &str = include_str!("mcp/tools.json");
-/// Versions of the protocol whose methods are the same here; the newest is the first. The one that is
-/// missing between them has batches.
-const VERSIONS: [&str; 3] = ["2025-11-25", "2025-06-18", "2024-11-05"];
 /// Most bytes of a request, and of a line of output.
-const MOST_LINE: u64 = 1 << 20;
+const MOST_LINE: usize = 1 << 20;
 /// Most bytes of an answer, at its beginning and at its end.
 const MOST_SHOWN: usize = 6000;
 /// Most calls at a time.
-const MOST_CALLS: usize = 8;
+const MOST_CALLS: u32 = 8;
 /// Most failures, and most events and frames before the first, that are explained.
 const MOST_FAILURES: usize = 30;
 const MOST_BEFORE: [usize; 2] = [12, 8];
 /// Time within which a simulator has to be there.
 const START: Duration = Duration::from_secs(20);
-/// Time that is left to programs when a signal ends the server.
+/// Time that is left to programs when the server ends.
 const END: Duration = Duration::from_secs(5);
 const INSTRUCTIONS: &str = "Tests a program that drives a vehicle over a serial port, the client, against \
     simulated vehicles. Begin with `list`, write a scenario file, `check` it, `run` it with the client, and \
     `explain` a failure. `hunt` searches for faults that break the client. `start` serves a vehicle that \
     `control` breaks and moves step by step.";
 
+/// A row of the table.
 #[derive(Deserialize)]
-struct Tool {
+struct Row {
     name: String,
     description: String,
-    arguments: Map<String, Value>,
+    /// JSON schemas by name.
+    arguments: JsonObject,
     required: Vec<String>,
     /// Words, left out together if one of them is an argument that is not given.
     command: Vec<Vec<String>>,
@@ -62,47 +70,51 @@ struct Tool {
 /// Arguments by name, each as its words.
 type Arguments<'a> = BTreeMap<&'a str, Vec<String>>;
 
-impl Tool {
-    fn shown(&self) -> Value {
-        json!({
-            "name": self.name,
-            "description": self.description,
-            "inputSchema": {"type": "object", "properties": self.arguments, "required": self.required},
-        })
+impl Row {
+    fn tool(&self) -> Tool {
+        let schema =
+            json!({"type": "object", "properties": self.arguments, "required": self.required});
+        Tool::new(self.name.clone(), self.description.clone(), object(schema))
     }
 
-    fn read(&self, given: &Value) -> Result<Arguments<'_>, String> {
-        let none = Map::new();
-        let given = given.as_object().unwrap_or(&none);
-        if let Some(unknown) = given
-            .keys()
-            .find(|name| !self.arguments.contains_key(*name))
-        {
+    fn read(&self, given: &JsonObject) -> Result<Arguments<'_>, String> {
+        let mut names = given.keys();
+        if let Some(unknown) = names.find(|name| !self.arguments.contains_key(*name)) {
             let known: Vec<&str> = self.arguments.keys().map(String::as_str).collect();
+            let known = known.join(", ");
             return Err(format!(
-                "no argument is called `{unknown}`; allowed: {}",
-                known.join(", ")
+                "no argument is called `{unknown}`; allowed: {known}"
             ));
         }
         let mut read = BTreeMap::new();
         for (name, schema) in &self.arguments {
+            let about = schema["description"].as_str().unwrap_or_default();
             let Some(value) = given.get(name).or(schema.get("default")) else {
                 if self.required.contains(name) {
-                    return Err(format!("`{name}` is missing: {}", schema["description"]));
+                    return Err(format!("the argument `{name}` is missing: {about}"));
                 }
                 continue;
             };
-            let words = match (schema["type"].as_str(), value) {
-                (Some("string"), Value::String(word)) => Some(vec![word.clone()]),
-                (Some("integer"), Value::Number(number)) => Some(vec![number.to_string()]),
-                (Some("array"), words) => serde_json::from_value(words.clone()).ok(),
-                _ => None,
+            let (words, kind) = match (schema["type"].as_str(), value) {
+                (Some("array"), words) => (
+                    serde_json::from_value(words.clone()).ok(),
+                    "a list of texts",
+                ),
+                (Some("integer"), value) => (
+                    value.as_u64().map(|number| vec![number.to_string()]),
+                    "a whole number",
+                ),
+                (_, value) => (value.as_str().map(|word| vec![word.to_owned()]), "a text"),
             };
-            let words =
-                words.ok_or_else(|| format!("`{name}` is of the type {}", schema["type"]))?;
-            let allowed = schema["enum"].as_array();
-            if allowed.is_some_and(|allowed| !allowed.contains(value)) {
-                return Err(format!("`{name}` is one of {}", schema["enum"]));
+            let words = words.ok_or_else(|| format!("`{name}` has to be {kind}: {about}"))?;
+            let allowed: Vec<&str> = schema["enum"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter_map(Value::as_str)
+                .collect();
+            if !allowed.is_empty() && !words.iter().all(|word| allowed.contains(&word.as_str())) {
+                return Err(format!("`{name}` has to be one of: {}", allowed.join(", ")));
             }
             read.insert(name.as_str(), words);
         }
@@ -159,245 +171,157 @@ struct Live {
 }
 
 impl Live {
-    fn stop(mut self) -> io::Result<String> {
-        // The number of one that has ended may be another program's by now.
-        if self.simulator.try_wait()?.is_none() {
-            end(self.simulator.id());
-            self.simulator.wait()?;
-        }
+    async fn stop(mut self) -> io::Result<String> {
+        end(&self.simulator);
+        self.simulator.wait().await?;
         fs::read_to_string(&self.log)
     }
 }
 
-/// Calls that are not answered yet, by the ids of their requests.
-struct Calls {
-    /// Most of them; 0 when the server ends.
-    most: usize,
-    /// Number of the newest one.
-    number: u64,
-    open: BTreeMap<String, Call>,
-}
-
-#[derive(Default)]
-struct Call {
-    /// The program that runs for it.
-    program: Option<u32>,
-    is_cancelled: bool,
-}
-
-impl Call {
-    fn cancel(&mut self) {
-        self.is_cancelled = true;
-        self.program.into_iter().for_each(end);
-    }
+/// Asks a program to end, unless it has.
+fn end(program: &Child) {
+    let pid = program.id().and_then(|pid| i32::try_from(pid).ok());
+    // It may be ending by itself.
+    let _ = pid
+        .and_then(Pid::from_raw)
+        .map(|pid| kill_process(pid, Signal::TERM));
 }
 
 struct Server {
     devices: Devices,
-    tools: Vec<Tool>,
+    rows: Vec<Row>,
     folder: TempDir,
-    calls: Mutex<Calls>,
-    call_ended: Condvar,
+    /// Number of the newest call.
+    number: AtomicU64,
+    /// One permit for each call.
+    calls: Semaphore,
     /// Locked for as long as one is being started.
     live: Mutex<Option<Live>>,
 }
 
 /// Serves until its input ends, or a signal comes.
 pub(crate) fn serve(devices: Devices) -> Result<Exit, Failure> {
-    let folder = tempfile::Builder::new().prefix("sim-mcp-").tempdir();
-    let server = Server {
-        devices,
-        tools: serde_json::from_str(TOOLS).map_err(Failure::system)?,
-        folder: folder.map_err(Failure::system)?,
-        calls: Mutex::new(Calls {
-            most: MOST_CALLS,
-            number: 0,
-            open: BTreeMap::new(),
-        }),
-        call_ended: Condvar::new(),
-        live: Mutex::default(),
-    };
-    let mut signals = Signals::new([SIGHUP, SIGINT, SIGTERM]).map_err(Failure::system)?;
-    let handle = signals.handle();
-    thread::scope(|scope| {
-        scope.spawn(|| {
-            for signal in signals.forever() {
-                // It ends anyway; what cannot be removed stays.
-                let _ = server
-                    .end()
-                    .and_then(|()| fs::remove_dir_all(server.folder.path()));
-                let _ = emulate_default_handler(signal);
-            }
-        });
-        let served = server.serve(scope);
-        let ended = server.end();
-        handle.close();
-        served.and(ended)
-    })
-    .map(|()| Exit::Clean)
-    .map_err(Failure::system)
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    let runtime = runtime.map_err(Failure::system)?;
+    let served = runtime.block_on(serve_until_end(devices));
+    // Nothing interrupts a thread that reads standard input.
+    runtime.shutdown_background();
+    served.map(|()| Exit::Clean).map_err(Failure::system)
 }
 
-/// Code and message.
-type Error = (i32, String);
-type Answer = Result<Value, Error>;
-
-fn say(id: &Value, answer: Answer) -> io::Result<()> {
-    let message = match answer {
-        Ok(result) => json!({"jsonrpc": "2.0", "id": id, "result": result}),
-        Err((code, message)) => {
-            json!({"jsonrpc": "2.0", "id": id, "error": {"code": code, "message": message}})
+async fn serve_until_end(devices: Devices) -> anyhow::Result<()> {
+    let server = Arc::new(Server {
+        devices,
+        rows: serde_json::from_str(TOOLS)?,
+        folder: tempfile::Builder::new().prefix("sim-mcp-").tempdir()?,
+        number: AtomicU64::new(0),
+        calls: Semaphore::new(MOST_CALLS as usize),
+        live: Mutex::default(),
+    });
+    let mut hang_up = signal(SignalKind::hangup())?;
+    let mut terminate = signal(SignalKind::terminate())?;
+    let transport = AsyncRwTransport::new_server(tokio::io::stdin(), tokio::io::stdout());
+    let transport = transport.with_max_line_length(MOST_LINE);
+    let serving = async {
+        match Arc::clone(&server).serve(transport).await {
+            Ok(running) => running.waiting().await.map(drop).map_err(Into::into),
+            Err(ServerInitializeError::ConnectionClosed(_)) => Ok(()),
+            Err(error) => Err(error.into()),
         }
     };
-    let mut out = io::stdout().lock();
-    writeln!(out, "{message}")?;
-    out.flush()
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn end(pid: u32) {
-    let pid = i32::try_from(pid).ok().and_then(Pid::from_raw);
-    // It may have ended by itself.
-    let _ = pid.map(|pid| kill_process(pid, Signal::TERM));
-}
-
-/// The next line, cut to its limit; `None` at the end.
-fn read_line(input: &mut impl BufRead) -> io::Result<Option<Vec<u8>>> {
-    let mut line = Vec::new();
-    let read = input.take(MOST_LINE).read_until(b'\n', &mut line)?;
-    if read as u64 == MOST_LINE && !line.ends_with(b"\n") {
-        input.skip_until(b'\n')?;
+    let served: anyhow::Result<()> = tokio::select! {
+        served = serving => served,
+        _ = hang_up.recv() => Ok(()),
+        _ = terminate.recv() => Ok(()),
+        interrupted = tokio::signal::ctrl_c() => interrupted.map_err(Into::into),
+    };
+    // All calls are cancelled by now; they end their programs.
+    let _ended = timeout(END, server.calls.acquire_many(MOST_CALLS)).await;
+    if let Some(live) = server.live.lock().await.take() {
+        live.stop().await?;
     }
-    Ok((read > 0).then_some(line))
+    served
+}
+
+impl ServerHandler for Server {
+    fn get_info(&self) -> ServerConfig {
+        ServerConfig::new(ServerCapabilities::builder().enable_tools().build())
+            .with_server_info(Implementation::new("sim", env!("CARGO_PKG_VERSION")))
+            .with_instructions(INSTRUCTIONS)
+    }
+
+    async fn list_tools(
+        &self,
+        _: Option<PaginatedRequestParams>,
+        _: RequestContext<RoleServer>,
+    ) -> Result<ListToolsResult, ErrorData> {
+        let tools = self.rows.iter().map(Row::tool).collect();
+        Ok(ListToolsResult::with_all_items(tools))
+    }
+
+    async fn call_tool(
+        &self,
+        request: CallToolRequestParams,
+        context: RequestContext<RoleServer>,
+    ) -> Result<CallToolResponse, ErrorData> {
+        let row = self.rows.iter().find(|row| row.name == request.name);
+        let row = row.ok_or_else(|| {
+            ErrorData::invalid_params(format!("no tool is called `{}`", request.name), None)
+        })?;
+        let busy = |_| ErrorData::internal_error("too many calls at a time", None);
+        let _permit = self.calls.try_acquire().map_err(busy)?;
+        let mut shown = Excerpt::default();
+        let (is_good, next) = match row.read(&request.arguments.unwrap_or_default()) {
+            Ok(arguments) => {
+                let done = self.carry_out(row, &arguments, &context, &mut shown).await;
+                let is_good = done.unwrap_or_else(|error| {
+                    shown.add(&error.to_string());
+                    false
+                });
+                (is_good, row.next[usize::from(!is_good)].clone())
+            }
+            Err(why) => {
+                shown.add(&why);
+                (
+                    false,
+                    format!("Call `{}` again without this mistake.", row.name),
+                )
+            }
+        };
+        let text = format!("{}\n\nNext: {next}", shown.text().trim_end());
+        let content = vec![ContentBlock::text(text)];
+        let result = if is_good {
+            CallToolResult::success(content)
+        } else {
+            CallToolResult::error(content)
+        };
+        Ok(result.into())
+    }
 }
 
 impl Server {
-    fn serve<'s>(&'s self, scope: &'s Scope<'s, '_>) -> io::Result<()> {
-        let mut input = io::stdin().lock();
-        while let Some(line) = read_line(&mut input)? {
-            let Ok(request) = serde_json::from_slice::<Value>(&line) else {
-                let why = "a request is a line of JSON, of 1 MiB at most".to_owned();
-                say(&Value::Null, Err((-32700, why)))?;
-                continue;
-            };
-            let (id, params) = (request["id"].clone(), request["params"].clone());
-            match request["method"].as_str().unwrap_or_default() {
-                "notifications/cancelled" => {
-                    let call = &params["requestId"].to_string();
-                    lock(&self.calls).open.get_mut(call).map(Call::cancel);
-                }
-                _ if id.is_null() => {}
-                "tools/call" => match self.begin(&id, &params) {
-                    Ok((number, tool, arguments)) => drop(scope.spawn(move || {
-                        let answer = self.call(number, tool, &arguments, &id);
-                        match self.close(&id) {
-                            true => Ok(()),
-                            false => say(&id, Ok(answer)),
-                        }
-                    })),
-                    Err(error) => say(&id, Err(error))?,
-                },
-                method => say(&id, self.answer(method, &params))?,
-            }
-        }
-        Ok(())
-    }
-
-    /// Reads a call and notes it, with a number.
-    fn begin(&self, id: &Value, params: &Value) -> Result<(u64, &Tool, Arguments<'_>), Error> {
-        let name = params["name"].as_str().unwrap_or_default();
-        let tool = self.tools.iter().find(|tool| tool.name == name);
-        let tool = tool.ok_or_else(|| (-32602, format!("no tool is called `{name}`")))?;
-        let arguments = tool
-            .read(&params["arguments"])
-            .map_err(|why| (-32602, why))?;
-        let mut calls = lock(&self.calls);
-        let refused = |why: &str| Err((-32603, why.to_owned()));
-        if calls.open.len() >= calls.most {
-            return refused("too many calls at a time");
-        }
-        if calls.open.contains_key(&id.to_string()) {
-            return refused("a call with this id is not answered yet");
-        }
-        calls.open.insert(id.to_string(), Call::default());
-        calls.number += 1;
-        Ok((calls.number, tool, arguments))
-    }
-
-    /// Removes a call, and returns whether it was cancelled.
-    fn close(&self, id: &Value) -> bool {
-        let call = lock(&self.calls).open.remove(&id.to_string());
-        self.call_ended.notify_all();
-        call.is_none_or(|call| call.is_cancelled)
-    }
-
-    /// Ends all programs, and waits for them.
-    fn end(&self) -> io::Result<()> {
-        let mut calls = lock(&self.calls);
-        calls.most = 0;
-        calls.open.values_mut().for_each(Call::cancel);
-        let ended = self
-            .call_ended
-            .wait_timeout_while(calls, END, |calls| !calls.open.is_empty());
-        drop(ended);
-        lock(&self.live)
-            .take()
-            .map_or(Ok(()), |live| live.stop().map(drop))
-    }
-
-    /// Answers what is no call of a tool.
-    fn answer(&self, method: &str, params: &Value) -> Answer {
-        match method {
-            "initialize" => {
-                let wanted = params["protocolVersion"].as_str();
-                let known = VERSIONS.iter().find(|version| Some(**version) == wanted);
-                Ok(json!({
-                    "protocolVersion": known.unwrap_or(&VERSIONS[0]),
-                    "capabilities": {"tools": {}},
-                    "serverInfo": {"name": "sim", "version": env!("CARGO_PKG_VERSION")},
-                    "instructions": INSTRUCTIONS,
-                }))
-            }
-            "ping" => Ok(json!({})),
-            "tools/list" => {
-                Ok(json!({"tools": self.tools.iter().map(Tool::shown).collect::<Vec<_>>()}))
-            }
-            _ => Err((-32601, format!("no method is called `{method}`"))),
-        }
-    }
-
-    fn call(&self, number: u64, tool: &Tool, arguments: &Arguments<'_>, id: &Value) -> Value {
-        let output = self.folder.path().join(number.to_string());
-        let mut shown = Excerpt::default();
-        let done = self.carry_out(tool, arguments, &output, id, &mut shown);
-        let is_good = done.unwrap_or_else(|error| {
-            shown.add(&error.to_string());
-            false
-        });
-        let next = &tool.next[usize::from(!is_good)];
-        let text = format!("{}\n\nNext: {next}", shown.text().trim_end());
-        json!({"content": [{"type": "text", "text": text}], "isError": !is_good})
-    }
-
     /// Adds what there is to say, and returns whether it went well.
-    fn carry_out(
+    async fn carry_out(
         &self,
-        tool: &Tool,
+        row: &Row,
         arguments: &Arguments<'_>,
-        output: &Path,
-        id: &Value,
+        context: &RequestContext<RoleServer>,
         shown: &mut Excerpt,
     ) -> io::Result<bool> {
-        let words = tool.words(arguments, output);
-        match tool.name.as_str() {
-            "start" => self.start(&words, output, id, shown),
+        let number = self.number.fetch_add(1, Ordering::Relaxed);
+        let output = self.folder.path().join(number.to_string());
+        let words = row.words(arguments, &output);
+        match row.name.as_str() {
+            "start" => self.start(&words, &output, context, shown).await,
             "stop" => {
-                let log = lock(&self.live).take().map(Live::stop).transpose()?;
-                shown.add(log.as_deref().unwrap_or("no simulator was started"));
-                Ok(log.is_some())
+                let Some(live) = self.live.lock().await.take() else {
+                    shown.add("no simulator was started");
+                    return Ok(false);
+                };
+                shown.add(&live.stop().await?);
+                Ok(true)
             }
             "list" if words[0] == "devices" => {
                 let devices = self.devices.iter();
@@ -406,7 +330,7 @@ impl Server {
             }
             "list" => {
                 let mut text = String::new();
-                let is_good = self.sim(&words, None, id, &mut |line| text.push_str(line))?;
+                let is_good = sim(&words, None, context, &mut |line| text.push_str(line)).await?;
                 let matching = arguments.get("matching").and_then(|words| words.first());
                 if let Some(matching) = matching {
                     // What follows a heading is indented; comments stand above a setting.
@@ -424,83 +348,33 @@ impl Server {
                     Ok(line) => explained.add(&line),
                     Err(_) => shown.add(line),
                 };
-                let is_good = self.sim(&words, None, id, &mut keep)?;
+                let is_good = sim(&words, None, context, &mut keep).await?;
                 shown.add(&explained.text());
                 Ok(is_good)
             }
             "control" => {
-                let url = lock(&self.live).as_ref().map(|live| live.url.clone());
-                self.sim(&words, url.as_deref(), id, &mut |line| shown.add(line))
+                let url = self.live.lock().await.as_ref().map(|live| live.url.clone());
+                sim(&words, url.as_deref(), context, &mut |line| shown.add(line)).await
             }
-            _ => self.sim(&words, None, id, &mut |line| shown.add(line)),
+            _ => sim(&words, None, context, &mut |line| shown.add(line)).await,
         }
     }
 
-    /// Starts this program for a call.
-    fn spawn(
-        &self,
-        words: &[String],
-        url: Option<&str>,
-        out: OwnedFd,
-        id: &Value,
-    ) -> io::Result<Child> {
-        let program = Command::new(std::env::current_exe()?)
-            .args(words)
-            .env_remove("SIM_CONTROL")
-            .envs(url.map(|url| ("SIM_CONTROL", url)))
-            .stdin(Stdio::null())
-            .stderr(out.try_clone()?)
-            .stdout(out)
-            .spawn()?;
-        if let Some(call) = lock(&self.calls).open.get_mut(&id.to_string()) {
-            call.program = Some(program.id());
-            if call.is_cancelled {
-                call.cancel();
-            }
-        }
-        Ok(program)
-    }
-
-    /// Notes that no program runs for a call, so that none is ended for it.
-    fn leave(&self, id: &Value) {
-        if let Some(call) = lock(&self.calls).open.get_mut(&id.to_string()) {
-            call.program = None;
-        }
-    }
-
-    /// Runs this program, hands on each line that it prints, and says whether it went well.
-    fn sim(
-        &self,
-        words: &[String],
-        url: Option<&str>,
-        id: &Value,
-        keep: &mut dyn FnMut(&str),
-    ) -> io::Result<bool> {
-        let (reader, out) = io::pipe()?;
-        let mut program = self.spawn(words, url, out.into(), id)?;
-        let mut reader = BufReader::new(reader);
-        while let Some(line) = read_line(&mut reader)? {
-            keep(&String::from_utf8_lossy(&line));
-        }
-        self.leave(id);
-        Ok(program.wait()?.success())
-    }
-
-    fn start(
+    async fn start(
         &self,
         words: &[String],
         output: &Path,
-        id: &Value,
+        context: &RequestContext<RoleServer>,
         shown: &mut Excerpt,
     ) -> io::Result<bool> {
-        let mut live = lock(&self.live);
+        let mut live = self.live.lock().await;
         if let Some(live) = live.take() {
-            live.stop()?;
+            live.stop().await?;
         }
         let log = output.with_extension("log");
         let out = File::create(&log)?;
         let mut started = Live {
-            simulator: self.spawn(words, None, out.into(), id)?,
+            simulator: spawn(words, None, out.into())?,
             url: String::new(),
             log,
         };
@@ -510,22 +384,67 @@ impl Server {
             if text.lines().any(|line| line == "ready") {
                 break text;
             }
-            if started.simulator.try_wait()?.is_some() || begun.elapsed() > START {
-                self.leave(id);
-                shown.add(&started.stop()?);
+            let is_over = started.simulator.try_wait()?.is_some() || context.ct.is_cancelled();
+            if is_over || begun.elapsed() > START {
+                shown.add(&started.stop().await?);
                 return Ok(false);
             }
-            thread::sleep(Duration::from_millis(10));
+            sleep(Duration::from_millis(10)).await;
         };
-        self.leave(id);
         let mut lines = text.lines();
         let url = lines.find_map(|line| line.trim().strip_prefix("control on "));
         started.url = url.unwrap_or_default().to_owned();
         shown.add(&text);
         let started = live.insert(started);
         let pause = ["ctl".to_owned(), "pause".to_owned()];
-        self.sim(&pause, Some(&started.url), id, &mut |line| shown.add(line))
+        sim(&pause, Some(&started.url), context, &mut |line| {
+            shown.add(line)
+        })
+        .await
     }
+}
+
+/// Starts this program.
+fn spawn(words: &[String], url: Option<&str>, out: OwnedFd) -> io::Result<Child> {
+    Command::new(std::env::current_exe()?)
+        .args(words)
+        .env_remove("SIM_CONTROL")
+        .envs(url.map(|url| ("SIM_CONTROL", url)))
+        .stdin(Stdio::null())
+        .stderr(out.try_clone()?)
+        .stdout(out)
+        .spawn()
+}
+
+/// Runs this program, hands on each line that it prints, and says whether it went well. Ends it if the call
+/// is cancelled.
+async fn sim(
+    words: &[String],
+    url: Option<&str>,
+    context: &RequestContext<RoleServer>,
+    keep: &mut (dyn FnMut(&str) + Send),
+) -> io::Result<bool> {
+    let (reader, out) = io::pipe()?;
+    let mut program = spawn(words, url, out.into())?;
+    let mut reader = BufReader::new(Receiver::from_owned_fd(reader.into())?);
+    let reading = async {
+        let mut line = Vec::new();
+        while (&mut reader)
+            .take(MOST_LINE as u64)
+            .read_until(b'\n', &mut line)
+            .await?
+            > 0
+        {
+            keep(&String::from_utf8_lossy(&line));
+            line.clear();
+        }
+        io::Result::Ok(())
+    };
+    tokio::select! {
+        read = reading => read?,
+        () = context.ct.cancelled() => end(&program),
+    }
+    Ok(program.wait().await?.success())
 }
 
 /// Failures of a trace, and what came just before the first of them.
