@@ -4,6 +4,7 @@ mod dissector;
 mod frames;
 mod mcap;
 mod pcapng;
+mod perfetto;
 mod vcd;
 
 use std::collections::BTreeMap;
@@ -44,6 +45,9 @@ pub(crate) enum ExportFormat {
     Mcap,
     /// Frames on the lines, for Wireshark.
     Pcapng,
+    /// Frames, faults, values and threads as tracks, for Perfetto.
+    #[value(name = "perfetto-trace", aliases = ["perfetto", "pftrace"])]
+    Perfetto,
     /// Bits on the lines and values, for PulseView and GTKWave.
     Vcd,
 }
@@ -59,7 +63,8 @@ impl ExportFormat {
         match self {
             Self::Mcap => &["MCAP0\r\n"],
             Self::Pcapng => &["\n\r\r\n"],
-            Self::Vcd => &["$version sim"],
+            Self::Perfetto => &[perfetto::MARK],
+            Self::Vcd => &["$version\n    sim"],
         }
     }
 
@@ -79,6 +84,7 @@ impl ExportFormat {
         Ok(match self {
             Self::Mcap => Box::new(mcap::Mcap::begin(run, about, out)?),
             Self::Pcapng => Box::new(pcapng::Pcapng::begin(run, about, out)?),
+            Self::Perfetto => Box::new(perfetto::Perfetto::begin(run, about, out)?),
             Self::Vcd => Box::new(vcd::Vcd::begin(run, about, out)?),
         })
     }
@@ -216,21 +222,12 @@ impl Onlooker for Walk {
                 (t, Some((0, port, Sender::Client, bytes)))
             }
             Record::Out { t, dt, port, bytes } => (t, Some((*dt, port, Sender::Device, bytes))),
-            Record::Attach { t, .. }
-            | Record::Detach { t, .. }
-            | Record::Line { t, .. }
-            | Record::Late { t, .. }
-            | Record::Add { t, .. }
-            | Record::Clear { t, .. }
-            | Record::Pace { t, .. }
-            | Record::Publish { t, .. }
-            | Record::Step { t, .. }
+            Record::Step { t, .. }
+            | Record::Wait { t, .. }
             | Record::Failure { t, .. }
             | Record::End { t, .. } => (t, None),
-            Record::Header(_)
-            | Record::Time { .. }
-            | Record::Event { .. }
-            | Record::Pose { .. } => return,
+            // What came of the others is events.
+            _ => return,
         };
         self.wait(SimTime::from_nanos(*t), Waiting::Record(record.clone()));
         if let Some((dt, port, sender, bytes)) = bytes {

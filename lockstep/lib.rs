@@ -94,6 +94,16 @@ pub trait World {
     /// A client has set the modem lines of a port, in the bits of [`modem`].
     fn modem_lines(&mut self, port: usize, now: u64, lines: u32) -> Result<(), Broken>;
 
+    /// Returns whether it wants to know what each thread waits for, which takes time to find out.
+    fn wants_waits(&self) -> bool {
+        false
+    }
+
+    /// All programs wait, and time goes on from `now`.
+    fn waits(&mut self, now: u64, waits: Vec<ThreadWait>) {
+        let _ = (now, waits);
+    }
+
     /// All programs wait; `ran` says whether any has run since this was last called. Goes on to the
     /// first time, `until` at the latest, at which something happens at a port, and does that.
     fn advance(
@@ -103,6 +113,19 @@ pub trait World {
         until: Option<u64>,
         ran: bool,
     ) -> Result<Step, Broken>;
+}
+
+/// A thread that waits.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ThreadWait {
+    /// Its place among all threads of the run, in the order in which they began.
+    pub thread: u64,
+    /// Its name, as the system knows it.
+    pub name: String,
+    /// Number of this wait, which differs from that of its last one.
+    pub number: u64,
+    /// What it waits for, as in `for bytes from /tmp/r150`.
+    pub wait: String,
 }
 
 /// Reason for which a world cannot go on.

@@ -20,6 +20,7 @@
 //! | `publish` | a client published numbers, or a line that is not used |
 //! | `pace` | time was made to stand still, to go on, or to pass at another speed |
 //! | `step` | a step of the file has begun, or is done |
+//! | `wait` | a thread of the client began to wait, and for what; nothing if it has ended |
 //! | `failure` | something was not as the file says |
 //! | `end` | the last line |
 

@@ -80,7 +80,8 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
     /// With --output: write the trace of each scenario that fails also in these formats, as in
-    /// --export pcapng.
+    /// --export pcapng. With perfetto, traces also record what each thread of a client in lockstep
+    /// waits for.
     #[arg(
         long,
         value_enum,

@@ -1,8 +1,9 @@
 //! Lines as bits and names as values over time (VCD), for PulseView, sigrok and GTKWave.
 
 use std::collections::BTreeMap;
-use std::io::{self, Write as _};
+use std::io;
 
+use ::vcd::{Command, IdCode, TimescaleUnit, Value, VarType, Writer as File};
 use rigsim_core::SimTime;
 use rigsim_core::rig::PortId;
 use rigsim_runner::Run;
@@ -17,7 +18,7 @@ const BITS: u64 = 10;
 
 /// One direction of a line.
 struct Wire {
-    code: usize,
+    id: IdCode,
     /// Duration of a bit, ns.
     bit: u64,
     /// Time at which the last byte ends, ns.
@@ -25,59 +26,54 @@ struct Wire {
 }
 
 pub(super) struct Vcd {
-    out: Out,
+    out: File<Out>,
     wires: BTreeMap<(PortId, bool), Wire>,
     groups: Vec<Group>,
-    shown: Vec<f64>,
+    /// The values of all groups, as they were written last.
+    shown: Vec<(IdCode, f64)>,
     /// Changes that are not written yet, by their times in ns.
-    waiting: BTreeMap<u64, Vec<String>>,
+    waiting: BTreeMap<u64, Vec<Command>>,
 }
 
 impl Vcd {
-    pub(super) fn begin(run: &Run, about: &About, mut out: Out) -> io::Result<Self> {
-        writeln!(out, "$version sim {} $end", env!("CARGO_PKG_VERSION"))?;
-        let seed = run.seed();
-        writeln!(out, "$comment seed {seed}, {} $end", about.command)?;
-        writeln!(out, "$timescale 1 ns $end")?;
+    pub(super) fn begin(run: &Run, about: &About, out: Out) -> io::Result<Self> {
+        let mut out = File::new(out);
+        out.version(concat!("sim ", env!("CARGO_PKG_VERSION")))?;
+        out.comment(&format!("seed {}, {}", run.seed(), about.command))?;
+        out.timescale(1, TimescaleUnit::NS)?;
         let mut wires = BTreeMap::new();
-        let mut waiting: Vec<String> = Vec::new();
         for link in run.scenario().rig.links() {
-            writeln!(
-                out,
-                "$scope module {} $end",
-                name(&format!("{}_{}", link.device, link.name))
-            )?;
+            out.add_module(&name(&format!("{}_{}", link.device, link.name)))?;
             for (word, to_client) in [("tx", false), ("rx", true)] {
-                let code = wires.len();
-                writeln!(out, "$var wire 1 {} {word} $end", sign(code))?;
-                waiting.push(format!("1{}", sign(code)));
+                let id = out.add_wire(1, word)?;
                 let bit = 1_000_000_000 / u64::from(link.baud.max(1));
-                wires.insert((link.id, to_client), Wire { code, bit, free: 0 });
+                wires.insert((link.id, to_client), Wire { id, bit, free: 0 });
             }
-            writeln!(out, "$upscope $end")?;
+            out.upscope()?;
         }
         let groups = Group::all(run);
-        let mut code = wires.len();
+        let mut shown = Vec::new();
         for group in &groups {
             let device = &run.scenario().rig.devices[group.device].name;
-            writeln!(
-                out,
-                "$scope module {} $end",
-                name(&format!("{device}_{}", group.of))
-            )?;
+            out.add_module(&name(&format!("{device}_{}", group.of)))?;
             for (field, _) in group.fields() {
-                writeln!(out, "$var real 64 {} {} $end", sign(code), name(field))?;
-                code += 1;
+                shown.push((
+                    out.add_var(VarType::Real, 64, &name(field), None)?,
+                    f64::NAN,
+                ));
             }
-            writeln!(out, "$upscope $end")?;
+            out.upscope()?;
         }
-        writeln!(out, "$enddefinitions $end")?;
+        out.enddefinitions()?;
+        let idle = wires
+            .values()
+            .map(|wire| Command::ChangeScalar(wire.id, Value::V1));
         Ok(Self {
             out,
-            shown: vec![f64::NAN; code - wires.len()],
+            waiting: BTreeMap::from([(0, idle.collect())]),
             wires,
             groups,
-            waiting: BTreeMap::from([(0, waiting)]),
+            shown,
         })
     }
 
@@ -93,14 +89,13 @@ impl Vcd {
         };
         let begin = begin.max(wire.free);
         wire.free = begin + BITS * wire.bit;
-        let (sign, bit) = (sign(wire.code), wire.bit);
         let frame = (u64::from(byte) << 1) | (1 << (BITS - 1));
         let mut level = 1;
         for index in 0..BITS {
             let next = (frame >> index) & 1;
             if next != level {
-                let changes = self.waiting.entry(begin + index * bit).or_default();
-                changes.push(format!("{next}{sign}"));
+                let changes = self.waiting.entry(begin + index * wire.bit).or_default();
+                changes.push(Command::ChangeScalar(wire.id, Value::from(next == 1)));
             }
             level = next;
         }
@@ -108,22 +103,21 @@ impl Vcd {
 
     fn values(&mut self, at: u64, run: &Run) {
         let values = self.groups.iter().flat_map(|group| group.values(run));
-        let first = self.wires.len();
-        for (index, (shown, value)) in self.shown.iter_mut().zip(values).enumerate() {
+        for ((id, shown), value) in self.shown.iter_mut().zip(values) {
             if value.is_finite() && *shown != value {
                 *shown = value;
                 let changes = self.waiting.entry(at).or_default();
-                changes.push(format!("r{value} {}", sign(first + index)));
+                changes.push(Command::ChangeReal(*id, value));
             }
         }
     }
 
     fn write_before(&mut self, end: u64) -> io::Result<()> {
         while let Some(next) = self.waiting.first_entry().filter(|next| *next.key() < end) {
-            writeln!(self.out, "#{}", next.key())?;
-            for change in next.remove() {
-                writeln!(self.out, "{change}")?;
-            }
+            self.out.timestamp(*next.key())?;
+            next.remove()
+                .iter()
+                .try_for_each(|change| self.out.command(change))?;
         }
         Ok(())
     }
@@ -151,20 +145,6 @@ impl Writer for Vcd {
     fn finish(mut self: Box<Self>) -> io::Result<()> {
         self.write_before(u64::MAX)?;
         self.out.flush()
-    }
-}
-
-/// The short sign of a variable: digits of base 94.
-fn sign(mut code: usize) -> String {
-    let mut sign = String::new();
-    loop {
-        sign.push(char::from(
-            b'!' + u8::try_from(code % 94).unwrap_or_default(),
-        ));
-        code /= 94;
-        if code == 0 {
-            return sign;
-        }
     }
 }
 

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::args::{RandomArg, RunArgs, ScheduleArg, TimeArg};
 use crate::control::RequestQueue;
 use crate::exit::{Exit, Failure};
+use crate::export::ExportFormat;
 use crate::print::complain;
 use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
@@ -166,6 +167,11 @@ impl<'a> Case<'a> {
     pub(crate) fn recording(&self) -> Option<PathBuf> {
         let wanted = self.file("trace.jsonl");
         wanted.or_else(|| Some(self.file_in(self.scratch?, "trace.jsonl")))
+    }
+
+    /// Returns whether its trace has what each thread of the client waits for.
+    pub(crate) fn records_waits(&self) -> bool {
+        self.args.export.contains(&ExportFormat::Perfetto)
     }
 
     /// Opens the socket on which a run is controlled, if there is to be one, and tells the client.

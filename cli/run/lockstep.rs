@@ -1,6 +1,6 @@
 //! A scenario against a real client whose time is the simulator's.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,11 +11,13 @@ use rigsim_core::SimTime;
 use rigsim_core::rig::PortId;
 use rigsim_embed::ports::ShownPort;
 use rigsim_lockstep::{
-    Broken, ClientLine, End, Ending, Error, Options, Port, Program, Reason, Step, World, modem,
+    Broken, ClientLine, End, Ending, Error, Options, Port, Program, Reason, Step, ThreadWait,
+    World, modem,
 };
 use rigsim_pty::ListenAddress;
 use rigsim_pty::paths::Held;
 use rigsim_runner::Run;
+use rigsim_runner::trace::Record;
 use rigsim_settings::show_duration;
 
 use crate::args::{RandomArg, ScheduleArg};
@@ -79,12 +81,15 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         patience: nanoseconds(case.allowed),
         written: Written::new(output),
         published,
+        waits: case.records_waits().then(BTreeMap::new),
+        folder: format!("{}/", folder.path().display()),
     };
     let ending = rigsim_lockstep::run(program, &options, &mut ports, &mut stage);
     let ending = ending.map_err(|error| failure(case, error))?;
     // No client is left to be answered.
     stage.requests = None;
     stage.note_output(stage.now());
+    stage.waits(ending.at.max(stage.now()), Vec::new());
     let ended = stage.conclude(case, &ending)?;
     let output = stage.written.text().map_err(Failure::system);
     let client = PlayedClient {
@@ -244,6 +249,10 @@ struct Stage<'a> {
     patience: u64,
     written: Written,
     published: Published,
+    /// Numbers of the threads' waits that were recorded last, if they are recorded.
+    waits: Option<BTreeMap<u64, u64>>,
+    /// Folder of the ports, which is another one in each run.
+    folder: String,
 }
 
 impl Stage<'_> {
@@ -397,6 +406,46 @@ impl World for Stage<'_> {
         let (dtr, rts) = (lines & modem::DTR != 0, lines & modem::RTS != 0);
         self.run.set_modem_lines(id, dtr, rts);
         Ok(())
+    }
+
+    fn wants_waits(&self) -> bool {
+        self.waits.is_some() && self.begun_at.is_some()
+    }
+
+    fn waits(&mut self, now: u64, waits: Vec<ThreadWait>) {
+        let t = self.at(now).as_nanos();
+        let (Some(known), Some(trace)) = (&mut self.waits, &mut self.playing.trace) else {
+            return;
+        };
+        trace.take(&mut self.run);
+        let mut before = std::mem::take(known);
+        for ThreadWait {
+            thread,
+            name,
+            number,
+            wait,
+        } in waits
+        {
+            known.insert(thread, number);
+            if before.remove(&thread) != Some(number) {
+                let wait = wait.replace(&self.folder, "");
+                trace.record(&Record::Wait {
+                    t,
+                    thread,
+                    name,
+                    wait,
+                });
+            }
+        }
+        for thread in before.into_keys() {
+            let (name, wait) = Default::default();
+            trace.record(&Record::Wait {
+                t,
+                thread,
+                name,
+                wait,
+            });
+        }
     }
 
     fn advance(

@@ -39,6 +39,10 @@ impl Tracer<'_> {
         let step = if self.limits.killed_at.is_some() {
             until.map_or(Step::Never, Step::To)
         } else {
+            if self.world.wants_waits() {
+                let waits = self.waits();
+                self.world.waits(self.now, waits);
+            }
             let ran = self.schedule.happened != self.schedule.advanced;
             self.world.advance(self.ports, self.now, until, ran)?
         };

@@ -1,11 +1,12 @@
 //! Words for what programs do and wait for.
 
+use crate::ThreadWait;
 use crate::traced::arch::Registers;
 use crate::traced::proc::{mapping, name_of, syscall_of};
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::call_name;
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::State;
+use crate::traced::tree::{State, Thread};
 use crate::traced::wait::{Awaited, Resume, Wait};
 
 impl Tracer<'_> {
@@ -28,17 +29,11 @@ impl Tracer<'_> {
     pub(crate) fn waits_text(&self) -> String {
         let mut waits: Vec<String> = Vec::new();
         for (tid, thread) in &self.tree.threads {
-            let what = match &thread.state {
-                State::Blocked(block) if matches!(block.wait, Wait::BackOff(Resume::Go(_))) => {
-                    waits.push(computing(*tid, place_of(thread.process, *tid)));
-                    continue;
-                }
-                State::Blocked(block) => self.wait_text(&block.wait),
-                State::Stopped => "for being continued".to_owned(),
-                State::InKernel => "in the kernel".to_owned(),
-                State::Running | State::Ready(_) => continue,
+            let text = match self.thread_wait(thread) {
+                Some((_, Some(what))) => format!("{} waited {what}", name_of(*tid)),
+                Some((_, None)) => computing(*tid, place_of(thread.process, *tid)),
+                None => continue,
             };
-            let text = format!("{} waited {what}", name_of(*tid));
             if !waits.contains(&text) {
                 waits.push(text);
             }
@@ -47,13 +42,48 @@ impl Tracer<'_> {
         waits.join(", ")
     }
 
+    /// Returns what each thread waits for.
+    pub(crate) fn waits(&self) -> Vec<ThreadWait> {
+        let threads = self.tree.threads.iter();
+        let waits = threads.filter_map(|(tid, thread)| {
+            let (number, wait) = self.thread_wait(thread)?;
+            Some(ThreadWait {
+                thread: thread.number,
+                name: name_of(*tid),
+                number,
+                wait: wait.unwrap_or_else(|| "computes".to_owned()),
+            })
+        });
+        waits.collect()
+    }
+
+    /// Returns the number of a wait and what it is for; without, the thread computes for long.
+    fn thread_wait(&self, thread: &Thread) -> Option<(u64, Option<String>)> {
+        Some(match &thread.state {
+            State::Blocked(block) if matches!(block.wait, Wait::BackOff(Resume::Go(_))) => {
+                (block.since, None)
+            }
+            State::Blocked(block) => {
+                let text = self.wait_text(&block.wait);
+                (block.since, Some(text))
+            }
+            State::Stopped => (0, Some("for being continued".to_owned())),
+            State::InKernel => (0, Some("in the kernel".to_owned())),
+            State::Running | State::Ready(_) => return None,
+        })
+    }
+
     fn wait_text(&self, wait: &Wait) -> String {
         let file = |one: &Awaited| {
             let path = one.file.as_ref().and_then(|file| file.path());
             path.map_or(format!("descriptor {}", one.fd), |path| {
                 match self.ports.iter().find(|port| port.leads_to(&path)) {
                     Some(port) => port.path().display().to_string(),
-                    None => path,
+                    // Numbers of pipes and sockets differ from run to run.
+                    None => match path.split_once(":[") {
+                        Some((kind @ ("pipe" | "socket"), _)) => format!("a {kind}"),
+                        _ => path,
+                    },
                 }
             })
         };

@@ -96,6 +96,12 @@ pub enum Record {
         step: String,
         what: Cow<'static, str>,
     },
+    Wait {
+        t: u64,
+        thread: u64,
+        name: String,
+        wait: String,
+    },
     Failure {
         t: u64,
         step: Option<String>,

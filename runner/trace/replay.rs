@@ -240,6 +240,7 @@ impl<'o> Replay<'o> {
             | Record::Pose { .. }
             | Record::Time { .. }
             | Record::Step { .. }
+            | Record::Wait { .. }
             | Record::Pace { .. }
             // How the client ended may be written behind the end of the run.
             | Record::Failure { .. } => return Ok(()),
