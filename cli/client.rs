@@ -4,22 +4,24 @@ use std::collections::{BTreeSet, VecDeque};
 use std::ffi::OsString;
 use std::fmt;
 use std::fs::File;
-use std::io::{Read, Write as _};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use anyhow::Context as _;
+use rigsim_settings::SimTime;
 use rustix::event::{PollFd, PollFlags, Timespec};
 
 use crate::supervise::{ClientEnd, GRACE, end_orphans};
 use crate::visible;
 
-/// Most bytes of it that go into a file.
-const MOST_FILED: usize = 1 << 26;
+/// Most bytes of its output that are kept; when there are twice as many, those beyond it go.
+const MOST_FILED: u64 = 1 << 26;
+/// Most bytes of its output that are shown: the last ones.
+const MOST_SHOWN: u64 = 1 << 16;
 /// Time that the end of a client may take in all, which includes killing it.
 const END_PATIENCE: Duration = Duration::from_secs(10);
 
@@ -36,41 +38,94 @@ pub(crate) struct Client {
     /// Held open for as long as the client may run.
     leash: ChildStdin,
     status: ChildStdout,
-    output: Arc<Mutex<Output>>,
-    reader: Option<JoinHandle<()>>,
 }
 
-/// Output of a client, or the end of it.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Output {
-    last: VecDeque<u8>,
-    total: usize,
+/// What a client has written so far, and when. It is in a file, which takes everything at once: the
+/// pace of a pipe's reader would show.
+pub(crate) struct Written {
+    file: File,
+    length: u64,
+    /// Bytes that were left out of the file.
+    cut: u64,
+    /// From which byte on it was written at which time, `None` before the scenario began; of the end
+    /// that is shown. Empty if times are not known.
+    times: VecDeque<(u64, Option<SimTime>)>,
 }
 
-impl Output {
-    /// Size of the end that is kept.
-    pub(crate) const MOST: usize = 1 << 16;
-
-    fn add(&mut self, bytes: &[u8]) {
-        self.total += bytes.len();
-        self.last.extend(bytes);
-        let excess = self.last.len().saturating_sub(Self::MOST);
-        self.last.drain(..excess);
+impl Written {
+    /// The output that goes into a file, to which bytes are only appended.
+    pub(crate) fn new(file: File) -> Self {
+        Self {
+            file,
+            length: 0,
+            cut: 0,
+            times: VecDeque::new(),
+        }
     }
 
-    /// As text, with a first line that says what is left out.
-    pub(crate) fn text(&self) -> String {
-        let bytes: Vec<u8> = self.last.iter().copied().collect();
-        let left_out = self.total.saturating_sub(bytes.len()) as u64;
-        Self::left_out(left_out) + &visible::bytes(&bytes)
+    /// Keeps the file within its bound, and returns its length.
+    pub(crate) fn cut(&mut self) -> u64 {
+        let length = self.file.metadata().map_or(0, |file| file.len());
+        // The beginning stays, and whatever comes next; a file that cannot be cut is too long.
+        if length <= 2 * MOST_FILED || self.file.set_len(MOST_FILED).is_err() {
+            return length;
+        }
+        let cut = length - MOST_FILED;
+        // Of no use to a client that has filled the disk.
+        let _ = writeln!(self.file, "\n({cut} bytes are left out here)");
+        self.cut += cut;
+        self.length = MOST_FILED;
+        self.times.clear();
+        MOST_FILED
     }
 
-    /// The first line of an output of which so many bytes are left out.
-    pub(crate) fn left_out(bytes: u64) -> String {
-        match bytes {
+    /// All that is new was written at this time: while the client runs, its time stands still.
+    pub(crate) fn note(&mut self, at: Option<SimTime>) {
+        let length = self.cut();
+        if length <= self.length {
+            return;
+        }
+        if self.times.back().is_none_or(|(_, last)| *last != at) {
+            self.times.push_back((self.length, at));
+        }
+        let shown = length.saturating_sub(MOST_SHOWN);
+        while self.times.get(1).is_some_and(|(from, _)| *from <= shown) {
+            self.times.pop_front();
+        }
+        self.length = length;
+    }
+
+    /// Its end as text, with the time before each line if times are known, and a first line that says
+    /// what is left out.
+    pub(crate) fn text(&mut self) -> String {
+        let (mut from, bytes) = match self.end() {
+            Ok(end) => end,
+            Err(error) => return format!("(cannot read the client's output: {error})\n"),
+        };
+        let mut text = match from + self.cut {
             0 => String::new(),
             bytes => format!("({bytes} bytes before this are left out)\n"),
+        };
+        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+            if !self.times.is_empty() {
+                let next = self.times.partition_point(|(begin, _)| *begin <= from);
+                let time = next.checked_sub(1).and_then(|last| self.times[last].1);
+                let time = time.map_or("-".to_owned(), |time| time.to_string());
+                text += &format!("{time:>12} ");
+            }
+            text += &visible::bytes(line);
+            from += line.len() as u64;
         }
+        text
+    }
+
+    /// The last bytes, and the place of the first of them.
+    fn end(&mut self) -> io::Result<(u64, Vec<u8>)> {
+        let from = self.file.metadata()?.len().saturating_sub(MOST_SHOWN);
+        self.file.seek(SeekFrom::Start(from))?;
+        let mut bytes = Vec::new();
+        (&self.file).take(MOST_SHOWN).read_to_end(&mut bytes)?;
+        Ok((from, bytes))
     }
 }
 
@@ -88,12 +143,11 @@ impl fmt::Display for ClientEnd {
 }
 
 impl Client {
-    /// Starts `command` with these variables in its environment; what it writes goes into `file`,
-    /// too.
+    /// Starts `command` with these variables in its environment; what it writes goes into `output`.
     pub(crate) fn start(
         command: &[OsString],
         environment: &[(String, OsString)],
-        file: Option<File>,
+        output: File,
     ) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("cannot find the simulator's own program")?;
         // Held until it is noted down, so that it is not taken for an orphan.
@@ -105,31 +159,19 @@ impl Client {
             .envs(environment.iter().map(|(name, value)| (name, value)))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
+            .stderr(output)
             // Ctrl-C is for the simulator, which then ends it.
             .process_group(0)
             .spawn()
             .context("cannot start a process for the client")?;
         known.insert(supervisor.id());
         drop(known);
-        let pipes = supervisor
-            .stdin
-            .take()
-            .zip(supervisor.stdout.take())
-            .zip(supervisor.stderr.take());
-        let ((leash, status), written) = pipes.context("a pipe to the client is missing")?;
-        let output = Arc::new(Mutex::new(Output::default()));
-        let shared = Arc::clone(&output);
-        let reader = std::thread::Builder::new()
-            .name("client output".to_owned())
-            .spawn(move || collect(written, &shared, file))
-            .context("cannot start a thread for the client's output")?;
+        let pipes = supervisor.stdin.take().zip(supervisor.stdout.take());
+        let (leash, status) = pipes.context("a pipe to the client is missing")?;
         Ok(Self {
             supervisor,
             leash,
             status,
-            output,
-            reader: Some(reader),
         })
     }
 
@@ -168,72 +210,18 @@ impl Client {
             let others = supervisors();
             end_orphans(|pid| others.contains(&pid));
         }
-        self.end_of_output();
         end.context("the process that looks after the client was killed, and so was the client")
-    }
-
-    /// Waits until all that the client wrote has been read, which takes no longer than a moment
-    /// once no process is left that can write.
-    fn end_of_output(&mut self) {
-        let Some(reader) = self.reader.take() else {
-            return;
-        };
-        let begun = Instant::now();
-        while !reader.is_finished() && begun.elapsed() < GRACE {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        if reader.is_finished() {
-            // A panic has been printed by its own hook, and costs only output.
-            let _ = reader.join();
-        }
-    }
-
-    /// Output so far.
-    pub(crate) fn output(&self) -> Output {
-        self.output
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
     }
 }
 
 impl Drop for Client {
     fn drop(&mut self) {
-        if self.reader.is_some() {
+        if supervisors().contains(&self.supervisor.id()) {
             // On the way out because of another error, which is reported.
             let _ = self.stop();
         }
     }
 }
 
-/// Takes what the client writes until no process can write any more.
-fn collect(mut from: impl Read, output: &Mutex<Output>, mut file: Option<File>) {
-    let mut buffer = [0; 8192];
-    let mut filed = 0;
-    // An error ends it as the end does.
-    while let Ok(count) = from.read(&mut buffer) {
-        if count == 0 {
-            return;
-        }
-        let bytes = &buffer[..count];
-        output
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .add(bytes);
-        filed += count;
-        if filed > MOST_FILED
-            && let Some(mut file) = file.take()
-        {
-            // The file shows the beginning; the end is kept in any case.
-            let _ = writeln!(
-                file,
-                "\n(more than {MOST_FILED} bytes; the rest is left out)"
-            );
-        }
-        if let Some(open) = &mut file
-            && open.write_all(bytes).is_err()
-        {
-            file = None;
-        }
-    }
-}
+#[cfg(test)]
+mod tests;

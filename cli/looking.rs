@@ -7,17 +7,21 @@ use rigsim_embed::serve::Attendant;
 use rigsim_runner::{Run, RunError};
 use rigsim_settings::SimTime;
 
+use crate::client::Written;
 use crate::control::RequestQueue;
 use crate::log::Log;
 use crate::published::Published;
 use crate::recording::TraceFile;
 
+/// Time after which the size of a client's output is looked at again.
+const GLANCE: Duration = Duration::from_millis(100);
+
 /// Passes on what happens to log, listeners and trace.
 pub(crate) struct Looking<'a> {
     pub(crate) log: Option<&'a Log>,
     pub(crate) requests: Option<&'a mut RequestQueue>,
-    /// Where the client publishes numbers.
-    pub(crate) published: Option<&'a mut Published>,
+    /// Where a client that was started here publishes numbers, and what it writes.
+    pub(crate) client: Option<(&'a mut Published, &'a mut Written)>,
     pub(crate) trace: &'a mut Option<TraceFile>,
 }
 
@@ -28,10 +32,11 @@ impl Attendant for Looking<'_> {
         clock: &mut Clock,
         woken: bool,
     ) -> Result<Option<Duration>, RunError> {
-        if let Some(published) = &mut self.published
-            && run.rig().now() > SimTime::ZERO
-        {
-            published.take(run, run.rig().now())?;
+        if let Some((published, written)) = &mut self.client {
+            written.cut();
+            if run.rig().now() > SimTime::ZERO {
+                published.take(run, run.rig().now())?;
+            }
         }
         let mut answered = true;
         if let Some(requests) = &mut self.requests {
@@ -50,11 +55,14 @@ impl Attendant for Looking<'_> {
         } else {
             while run.poll_trace().is_some() {}
         }
-        match &mut self.requests {
-            Some(_) if !answered => Ok(Some(Duration::ZERO)),
-            Some(requests) => Ok(requests.tell_what_is_due(run)),
-            None => Ok(None),
-        }
+        let again = match &mut self.requests {
+            Some(_) if !answered => Some(Duration::ZERO),
+            Some(requests) => requests.tell_what_is_due(run),
+            None => None,
+        };
+        // A client also writes while nothing else happens.
+        let look = self.client.as_ref().map(|_| GLANCE);
+        Ok([again, look].into_iter().flatten().min())
     }
 
     fn wants_time(&self) -> bool {

@@ -184,7 +184,7 @@ impl Session {
         let outcome = self.server.serve(&mut Looking {
             log: Some(&self.log),
             requests: self.requests.as_mut(),
-            published: None,
+            client: None,
             trace: &mut self.trace,
         });
         // No request is left to be answered.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,6 +15,7 @@ use rigsim_runner::scenario::OTHER_VEHICLES;
 use rigsim_runner::{Outcome, Run, Scenario};
 use rigsim_settings::show_duration;
 use serde::{Deserialize, Serialize};
+use tempfile::NamedTempFile;
 
 use crate::args::{RandomArg, RunArgs, ScheduleArg, TimeArg};
 use crate::control::RequestQueue;
@@ -142,8 +144,20 @@ impl<'a> Case<'a> {
         self.results("report.json", "report", &["\"armed\": ["])
     }
 
+    /// Opens the file into which the client writes: its log, or one that is gone afterwards.
+    pub(super) fn client_output(&self) -> anyhow::Result<File> {
+        match self.client_log()? {
+            Some(log) => log.into_file().context("cannot write the client's output"),
+            None => tempfile::Builder::new()
+                .append(true)
+                .tempfile()
+                .map(NamedTempFile::into_file)
+                .context("cannot make a file for the client's output"),
+        }
+    }
+
     /// The file of what the client writes, if there is to be one.
-    pub(crate) fn client_log(&self) -> anyhow::Result<Option<Results>> {
+    fn client_log(&self) -> anyhow::Result<Option<Results>> {
         // A client may write anything, so its output is known by the trace beside it.
         let has_trace = self.file("trace.jsonl").is_some_and(|trace| trace.exists());
         let marks: &[&str] = if has_trace { &[""] } else { &[] };

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Context as _, anyhow};
 use rigsim_pty::Waiter;
 
-use crate::client::Client;
+use crate::client::{Client, Written};
 use crate::control::RequestQueue;
 use crate::exit::Failure;
 use crate::looking::Looking;
@@ -19,7 +19,6 @@ use rigsim_core::SimTime;
 use rigsim_embed::ports::{Elsewhere, ShownPort, open_all};
 use rigsim_embed::serve::{Begin, Ended, Server};
 use rigsim_pty::PtySetup;
-use rigsim_pty::paths::Results;
 use rigsim_runner::{PlannedLink, Scenario};
 
 use super::case::{Case, CaseResult, PlayedClient};
@@ -54,15 +53,14 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     let published = Published::create(folder.path()).map_err(Failure::system)?;
     environment.push((Published::VARIABLE.to_owned(), published.path().into()));
     let requests = case.requests(&run, shown, &mut environment)?;
-    let log = case.client_log().map_err(Failure::system)?;
-    let log = log
-        .map(Results::into_file)
-        .transpose()
-        .context("cannot write the client's output")
+    let output = case.client_output().map_err(Failure::system)?;
+    let written = output.try_clone();
+    let written = written
+        .context("cannot share the client's output")
         .map_err(Failure::system)?;
     let mut server =
         Server::new(run, ports, waiter, Begin::WithClient, case.speed).map_err(Failure::system)?;
-    let client = Client::start(&case.args.client, &environment, log).map_err(Failure::system)?;
+    let client = Client::start(&case.args.client, &environment, output).map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
     if let Some(requests) = &requests {
         server
@@ -75,6 +73,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         client,
         playing,
         requests,
+        written: Written::new(written),
         published,
     };
     let (ended, client) = play.play(case).map_err(Failure::system)?;
@@ -154,6 +153,7 @@ struct LivePlay<'a> {
     client: Client,
     playing: Playing<'a>,
     requests: Option<RequestQueue>,
+    written: Written,
     published: Published,
 }
 
@@ -163,7 +163,7 @@ impl LivePlay<'_> {
         let ended = self.server.serve(&mut Looking {
             log: None,
             requests: self.requests.as_mut(),
-            published: Some(&mut self.published),
+            client: Some((&mut self.published, &mut self.written)),
             trace: &mut self.playing.trace,
         })?;
         // No request is left to be answered.
@@ -196,7 +196,7 @@ impl LivePlay<'_> {
         let client = PlayedClient {
             end,
             stopped,
-            output: self.client.output().text(),
+            output: self.written.text(),
             outside: Vec::new(),
             random_addresses: false,
             refused: Vec::new(),

@@ -1,8 +1,6 @@
 //! A scenario against a real client whose time is the simulator's.
 
-use std::collections::{BTreeMap, VecDeque};
-use std::fs::File;
-use std::io::{Read as _, Seek as _, SeekFrom};
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -21,7 +19,7 @@ use rigsim_runner::trace::Record;
 use rigsim_settings::show_duration;
 
 use crate::args::{RandomArg, ScheduleArg};
-use crate::client::Output;
+use crate::client::Written;
 use crate::control::RequestQueue;
 use crate::exit::Failure;
 use crate::published::Published;
@@ -37,8 +35,6 @@ use super::play::{Ended, Playing, over_time};
 const MOST_INSTANTS: u32 = 10_000;
 /// Simulated time after which a client that waits for room is asked again.
 const ROOM: Duration = Duration::from_millis(5);
-/// Most bytes of a client's output that are kept in its file.
-const MOST_FILED: u64 = 1 << 26;
 
 /// Plays it. The client ends before this returns, whatever happens.
 pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
@@ -54,7 +50,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     let published = Published::create(folder.path()).map_err(Failure::system)?;
     environment.push((Published::VARIABLE.to_owned(), published.path().into()));
     let requests = case.requests(&run, shown, &mut environment)?;
-    let output = open_output(case).map_err(Failure::system)?;
+    let output = case.client_output().map_err(Failure::system)?;
     let program = Program {
         words: &case.args.client,
         environment: &environment,
@@ -91,11 +87,10 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     stage.note_output(stage.now());
     stage.waits(ending.at.max(stage.now()), Vec::new());
     let ended = stage.conclude(case, &ending)?;
-    let output = stage.written.text().map_err(Failure::system);
     let client = PlayedClient {
         end: client_end(ending.end),
         stopped: ending.reason != Reason::Itself,
-        output: output.as_ref().map(Clone::clone).unwrap_or_default(),
+        output: stage.written.text(),
         outside: ending.outside.into_iter().collect(),
         random_addresses: ending.random_addresses,
         refused: ending.refused.into_iter().collect(),
@@ -104,9 +99,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     };
     // The machine has no part in it.
     let playing = stage.playing;
-    let concluded = playing.conclude(&mut stage.run, ended, Some(client), None)?;
-    // The trace has its end by now, which it needs to be played again.
-    output.map(|_| concluded)
+    playing.conclude(&mut stage.run, ended, Some(client), None)
 }
 
 fn client_end(end: End) -> ClientEnd {
@@ -160,75 +153,6 @@ fn open_ports(case: &Case<'_>, folder: &Held) -> Result<(Vec<ShownPort>, Vec<Por
         ports.push(port);
     }
     Ok((shown, ports))
-}
-
-/// Where the client writes: a file, which takes everything at once. A reader of a pipe would be one
-/// more whose pace shows.
-fn open_output(case: &Case<'_>) -> anyhow::Result<File> {
-    match case.client_log()? {
-        Some(log) => log.into_file().context("cannot write the client's output"),
-        None => tempfile::tempfile().context("cannot make a file for the client's output"),
-    }
-}
-
-/// What the client has written so far, and when.
-struct Written {
-    file: File,
-    length: u64,
-    /// From which byte on it was written at which time, `None` before the scenario began; of the end
-    /// that is shown.
-    times: VecDeque<(u64, Option<SimTime>)>,
-}
-
-impl Written {
-    fn new(file: File) -> Self {
-        Self {
-            file,
-            length: 0,
-            times: VecDeque::new(),
-        }
-    }
-
-    /// All that is new was written at this time: while the client runs, its time stands still.
-    fn note(&mut self, at: Option<SimTime>) {
-        let length = self.file.metadata().map_or(0, |file| file.len());
-        if length <= self.length {
-            return;
-        }
-        if self.times.back().is_none_or(|(_, last)| *last != at) {
-            self.times.push_back((self.length, at));
-        }
-        let shown = length.saturating_sub(Output::MOST as u64);
-        while self.times.get(1).is_some_and(|(from, _)| *from <= shown) {
-            self.times.pop_front();
-        }
-        self.length = length;
-        if length > 2 * MOST_FILED && self.file.set_len(MOST_FILED).is_ok() {
-            // The beginning stays, and whatever comes next; a file that cannot be cut is too long.
-            self.length = MOST_FILED;
-            self.times.clear();
-        }
-    }
-
-    /// Its end as text, with the time before each line.
-    fn text(&mut self) -> anyhow::Result<String> {
-        let what = "cannot read the client's output";
-        let length = self.file.metadata().context(what)?.len();
-        let mut from = length.saturating_sub(Output::MOST as u64);
-        self.file.seek(SeekFrom::Start(from)).context(what)?;
-        let mut bytes = Vec::new();
-        let mut end = (&self.file).take(Output::MOST as u64);
-        end.read_to_end(&mut bytes).context(what)?;
-        let mut text = Output::left_out(from);
-        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
-            let next = self.times.partition_point(|(begin, _)| *begin <= from);
-            let time = next.checked_sub(1).and_then(|last| self.times[last].1);
-            let time = time.map_or("-".to_owned(), |time| time.to_string());
-            text += &format!("{time:>12} {}", visible::bytes(line));
-            from += line.len() as u64;
-        }
-        Ok(text)
-    }
 }
 
 fn nanoseconds(span: Duration) -> u64 {
