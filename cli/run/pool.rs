@@ -26,6 +26,55 @@ const LAST_PATIENCE: Duration = Duration::from_secs(15);
 /// Time to wait for a result before looking whether something is left to be done.
 const GLANCE: Duration = Duration::from_millis(50);
 
+/// Does `work` for each number below `count`, so many at a time, until it returns `None`. Hands on what
+/// it returned as it comes, and `None` when nothing has come for a moment.
+///
+/// # Errors
+/// When the system makes not even one thread.
+fn each<T: Send>(
+    count: usize,
+    at_a_time: usize,
+    work: impl Fn(usize) -> Option<T> + Sync,
+    mut take: impl FnMut(Option<(usize, T)>),
+) -> Result<(), Failure> {
+    let next = AtomicUsize::new(0);
+    let (sender, receiver) = crossbeam_channel::unbounded();
+    std::thread::scope(|scope| {
+        let wanted = at_a_time.min(count);
+        for started in 0..wanted {
+            let (sender, next, work) = (sender.clone(), &next, &work);
+            let player = move || {
+                let numbers = std::iter::repeat_with(|| next.fetch_add(1, Ordering::Relaxed));
+                let numbers = numbers.take_while(|number| *number < count);
+                let mut done = numbers.map_while(|number| Some((number, work(number)?)));
+                // No receiver is left once the caller has panicked.
+                let _ = done.try_for_each(|done| sender.send(done));
+            };
+            let thread = std::thread::Builder::new().name(format!("player {started}"));
+            if let Err(error) = thread.spawn_scoped(scope, player) {
+                if started == 0 {
+                    let why = anyhow!(error).context("cannot start a thread to play in");
+                    return Err(Failure::system(why));
+                }
+                // Fewer take longer and lose nothing.
+                complain(&format!(
+                    "{started} at a time instead of {wanted}: the system makes no more threads \
+                     ({error})"
+                ));
+                break;
+            }
+        }
+        drop(sender);
+        loop {
+            match receiver.recv_timeout(GLANCE) {
+                Ok(done) => take(Some(done)),
+                Err(RecvTimeoutError::Timeout) => take(None),
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            }
+        }
+    })
+}
+
 /// Plays all, and keeps nothing of what has been printed. What was not played, since another failed or a
 /// signal came, has no result. An error that concerns all is returned, and the first of the audience's,
 /// which ends nothing.
@@ -36,88 +85,55 @@ pub(crate) fn play_all(
 ) -> Result<Option<Failure>, Failure> {
     let page = audience.page;
     let stop = stop_by_signals()?;
-    let next = AtomicUsize::new(0);
     let enough = AtomicBool::new(false);
-    let (sender, receiver) = crossbeam_channel::unbounded();
+    let work = |index: usize| {
+        if enough.load(Ordering::Relaxed) || stop.load(Ordering::Relaxed) {
+            return None;
+        }
+        let result = play(&cases[index], page, &stop);
+        let is_usage = matches!(&result, Err(failure) if failure.exit == Exit::Usage);
+        let fine = |result: &CaseResult| result.verdict.exit() == Exit::Clean;
+        if is_usage || args.fail_fast && !result.as_ref().is_ok_and(fine) {
+            enough.store(true, Ordering::Relaxed);
+        }
+        Some(result)
+    };
+    let mut wrong = None;
+    let mut note = |outcome: Result<(), Failure>| {
+        if let Err(failure) = outcome {
+            wrong.get_or_insert(failure);
+        }
+    };
     // Those that wait to be printed until the ones before them have been.
     let mut early = BTreeMap::new();
-    let mut wrong = None;
-    std::thread::scope(|scope| {
-        let work = || {
-            let (sender, next, enough, stop) = (sender.clone(), &next, &enough, &stop);
-            move || {
-                while !enough.load(Ordering::Relaxed) && !stop.load(Ordering::Relaxed) {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(case) = cases.get(index) else { return };
-                    let result = play(case, page, stop);
-                    let is_usage = matches!(&result, Err(failure) if failure.exit == Exit::Usage);
-                    let fine = |result: &CaseResult| result.verdict.exit() == Exit::Clean;
-                    let fine = result.as_ref().is_ok_and(fine);
-                    if is_usage || args.fail_fast && !fine {
-                        enough.store(true, Ordering::Relaxed);
-                    }
-                    if sender.send((index, result)).is_err() {
-                        return;
-                    }
-                }
-            }
-        };
-        let wanted = threads(args, cases.len());
-        for started in 0..wanted {
-            let thread = std::thread::Builder::new().name(format!("player {started}"));
-            if let Err(error) = thread.spawn_scoped(scope, work()) {
-                if started == 0 {
-                    let why = anyhow!(error).context("cannot start a thread to play in");
-                    wrong = Some(Failure::system(why));
-                } else {
-                    // Fewer take longer and lose nothing.
-                    complain(&format!(
-                        "{started} at a time instead of {wanted}: the system makes no more threads \
-                         ({error})"
-                    ));
-                }
-                break;
-            }
+    let mut printed = 0;
+    let played = each(cases.len(), threads(args, cases.len()), work, |done| {
+        if stop.load(Ordering::Relaxed) {
+            note(audience.interrupted());
         }
-        drop(sender);
-        let mut printed = 0;
-        let mut note = |outcome: Result<(), Failure>| {
-            if let Err(failure) = outcome {
-                wrong.get_or_insert(failure);
-            }
+        let Some((index, result)) = done else {
+            return note(audience.idle());
         };
-        loop {
-            if stop.load(Ordering::Relaxed) {
-                note(audience.interrupted());
+        let result = result.unwrap_or_else(|failure| {
+            let why = format!("{:#}", failure.error);
+            // The same for all that are left, as when the client does not exist.
+            if failure.exit == Exit::Usage {
+                note(Err(failure));
             }
-            let (index, result) = match receiver.recv_timeout(GLANCE) {
-                Ok(result) => result,
-                Err(RecvTimeoutError::Timeout) => {
-                    note(audience.idle());
-                    continue;
-                }
-                Err(RecvTimeoutError::Disconnected) => break,
-            };
-            let result = result.unwrap_or_else(|failure| {
-                let why = format!("{:#}", failure.error);
-                // The same for all that are left, as when the client does not exist.
-                if failure.exit == Exit::Usage {
-                    note(Err(failure));
-                }
-                CaseResult::error(why)
-            });
-            note(audience.known(index, &result));
-            early.insert(index, result);
-            while let Some(result) = early.remove(&printed) {
-                note(audience.in_order(printed, &result));
-                printed += 1;
-            }
-        }
-        // After a gap that was never played.
-        for (index, result) in early {
-            note(audience.in_order(index, &result));
+            CaseResult::error(why)
+        });
+        note(audience.known(index, &result));
+        early.insert(index, result);
+        while let Some(result) = early.remove(&printed) {
+            note(audience.in_order(printed, &result));
+            printed += 1;
         }
     });
+    // After a gap that was never played.
+    for (index, result) in early {
+        note(audience.in_order(index, &result));
+    }
+    note(played);
     Ok(wrong)
 }
 
@@ -130,27 +146,10 @@ pub(crate) fn play_quietly(
     threads: usize,
     stop: &AtomicBool,
 ) -> Result<Vec<CaseResult>, Failure> {
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut results = Vec::new();
-        while let Some((index, case)) = {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            cases.get(index).map(|case| (index, case))
-        } {
-            results.push((index, play(case, None, stop)));
-        }
-        results
-    };
-    let mut results = std::thread::scope(|scope| {
-        let more = (1..threads.min(cases.len())).map(|_| scope.spawn(work));
-        let more: Vec<_> = more.collect();
-        let mut results = work();
-        // A panic of a case is its result already.
-        results.extend(more.into_iter().filter_map(|one| one.join().ok()).flatten());
-        results
-    });
-    results.sort_by_key(|(index, _)| *index);
-    results.into_iter().map(|(_, result)| result).collect()
+    let mut results = BTreeMap::new();
+    let work = |index: usize| Some(play(&cases[index], None, stop));
+    each(cases.len(), threads, work, |done| results.extend(done))?;
+    results.into_values().collect()
 }
 
 /// Number of cases to play at a time.
