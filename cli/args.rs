@@ -31,7 +31,7 @@ use crate::visible;
 
 pub(crate) use hunt::{HuntArgs, StageArg};
 pub(crate) use merge::MergeArgs;
-pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg};
+pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg, again};
 pub(crate) use serve::ServeArgs;
 pub(crate) use shard::Shard;
 pub(crate) use vehicle::{CompareArgs, FitArgs, TapArgs};
@@ -176,6 +176,11 @@ impl Cli {
             let matches = command(devices).try_get_matches_from(words)?;
             let mut cli = Self::from_arg_matches(&matches)?;
             cli.serve.link_ptys = link_ptys(devices, &matches);
+            if let Some(Command::Run(args)) = &mut cli.command {
+                args.again = matches
+                    .subcommand()
+                    .map_or(Vec::new(), |(_, run)| again(run));
+            }
             Ok(cli)
         };
         parse(words).map_err(|error: clap::Error| {

@@ -20,7 +20,7 @@ use rigsim_core::effect::catalogue;
 use rigsim_core::noise::Noise;
 use rigsim_settings::nearest;
 
-use crate::args::{GivenArgs, HuntArgs, RunArgs, StageArg, TimeArg};
+use crate::args::{GivenArgs, HuntArgs, RunArgs, StageArg, TimeArg, again};
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::scenario_files::{Given, find, load_all};
@@ -122,6 +122,10 @@ fn run_args(args: &HuntArgs, client: &[OsString]) -> Result<RunArgs, Failure> {
     words.extend(["job".into(), "--".into()]);
     words.extend(client.iter().cloned());
     let command = RunArgs::augment_args(clap::Command::new("run").no_binary_name(true));
-    let matches = command.try_get_matches_from(words);
-    RunArgs::from_arg_matches(&matches.map_err(Failure::usage)?).map_err(Failure::usage)
+    let matches = command
+        .try_get_matches_from(words)
+        .map_err(Failure::usage)?;
+    let mut run = RunArgs::from_arg_matches(&matches).map_err(Failure::usage)?;
+    run.again = again(&matches);
+    Ok(run)
 }

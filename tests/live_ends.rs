@@ -70,6 +70,8 @@ fn an_exit_code_other_than_zero_fails_and_the_output_is_shown() {
     );
     assert!(said.contains("to stdout\n    to stderr"), "{said}");
     assert!(said.contains("again: sim run --seed "), "{said}");
+    let flags = " --time real --max-stall 1h drive.toml -- sh -c ";
+    assert!(said.contains(flags), "{said}");
 }
 
 #[test]

@@ -5,7 +5,8 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{ArgAction, Args, ValueEnum, value_parser};
+use clap::parser::ValueSource;
+use clap::{ArgAction, ArgMatches, Args, ValueEnum, value_parser};
 use rigsim_settings::Span;
 
 use super::{MAX_STALL, SettingsArgs, Shard, some_time, speed};
@@ -40,6 +41,9 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}", Exit::HELP))]
 pub(crate) struct RunArgs {
+    /// The flags that play a case again, as they were given.
+    #[arg(skip)]
+    pub(crate) again: Vec<OsString>,
     /// Scenario files, or folders of them.
     #[arg(required = true)]
     pub(crate) files: Vec<PathBuf>,
@@ -141,6 +145,24 @@ pub(crate) struct RunArgs {
     /// Print what would be played, with which seed and ports, and play nothing.
     #[arg(long)]
     pub(crate) dry_run: bool,
+}
+
+/// The flags that play a case again, with their values, as they were given.
+pub(crate) fn again(matches: &ArgMatches) -> Vec<OsString> {
+    let ids: &[&str] = match matches.get_one("time") {
+        _ if !matches.contains_id("client") => &["timeout"],
+        Some(TimeArg::Real) => &["time", "speed", "timeout", "max_stall", "control"],
+        _ => &["date", "random", "schedule", "timeout", "control"],
+    };
+    let mut words = Vec::new();
+    for id in ids.iter().chain(&["job", "world", "config", "set"]) {
+        let is_given = matches.value_source(id) == Some(ValueSource::CommandLine);
+        let values = matches.get_raw(id).filter(|_| is_given);
+        for value in values.into_iter().flatten() {
+            words.extend([format!("--{}", id.replace('_', "-")).into(), value.into()]);
+        }
+    }
+    words
 }
 
 /// Additions to scenario files.

@@ -13,11 +13,10 @@ use rigsim_embed::serve::Stalls;
 use rigsim_pty::paths::Results;
 use rigsim_runner::scenario::OTHER_VEHICLES;
 use rigsim_runner::{Outcome, Run, Scenario};
-use rigsim_settings::show_duration;
 use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
 
-use crate::args::{RandomArg, RunArgs, ScheduleArg, TimeArg};
+use crate::args::{RunArgs, TimeArg};
 use crate::control::RequestQueue;
 use crate::exit::{Exit, Failure};
 use crate::export::ExportFormat;
@@ -28,9 +27,6 @@ use crate::visible;
 
 /// Real time that a scenario may take beyond twice its own.
 const ALLOWANCE: Duration = Duration::from_secs(30);
-
-/// The date on which clients begin unless another is asked for: 2025-01-01.
-const DATE: Duration = Duration::from_secs(1_735_689_600);
 
 /// Why a failure proves nothing.
 const STALLED: &str = "the machine stalled the simulator for longer than --max-stall; what follows may be its \
@@ -212,44 +208,10 @@ impl<'a> Case<'a> {
     pub(crate) fn command(&self) -> String {
         let mut words: Vec<OsString> = ["sim", "run", "--seed"].map(OsString::from).into();
         words.push(self.seed.to_string().into());
-        if self.is_live() && self.args.time == TimeArg::Real {
-            words.extend(["--time".into(), self.args.time.word().into()]);
-        }
-        if self.is_lockstep() && self.args.date != DATE {
-            let date = std::time::UNIX_EPOCH + self.args.date;
-            let date = humantime::format_rfc3339_seconds(date).to_string();
-            words.extend(["--date".into(), date.into()]);
-        }
-        if self.is_lockstep() && self.args.random == RandomArg::Real {
-            words.extend(["--random".into(), "real".into()]);
-        }
-        if self.is_lockstep() && self.args.schedule == ScheduleArg::Random {
-            words.extend(["--schedule".into(), "random".into()]);
-        }
-        if self.is_live() && self.speed != 1.0 {
-            words.extend(["--speed".into(), self.speed.to_string().into()]);
-        }
-        if let Some(timeout) = self.args.timeout {
-            words.extend(["--timeout".into(), show_duration(timeout.0).into()]);
-        }
+        words.extend(self.args.again.iter().cloned());
         let mut flag = |flag: &str, value: OsString| words.extend([flag.into(), value]);
-        if let Some(listen) = self.args.control.filter(|_| self.is_live()) {
-            flag("--control", listen.to_string().into());
-        }
-        if let Some(job) = &self.args.given.job {
-            flag("--job", job.into());
-        }
         for (name, value) in &self.loaded.parameters {
             flag("--param", format!("{name}={value}").into());
-        }
-        if let Some(world) = &self.args.given.world {
-            flag("--world", world.into());
-        }
-        if let Some(config) = &self.args.settings.config {
-            flag("--config", config.into());
-        }
-        for set in &self.args.settings.set {
-            flag("--set", set.into());
         }
         if self.other_vehicles().is_some() {
             flag("--set", OTHER_VEHICLES.into());
