@@ -671,7 +671,7 @@ fn runs_at_the_same_time_do_not_keep_pipes_of_one_another_open() {
 #[test]
 fn long_writes_wait_in_simulated_time() {
     let code = r#"
-import fcntl, os, pty, socket, sys, threading, time
+import fcntl, os, pty, socket, sys, tempfile, threading, time
 start = time.monotonic()
 def at(): return round(time.monotonic() - start, 2)
 def slow(read):
@@ -688,6 +688,9 @@ a, b = socket.socketpair()
 writes("socket", lambda d: a.send(d), lambda n: b.recv(n), a.close)
 r, w = os.pipe()
 writes("parts", lambda b: os.writev(w, [b[:70000], b[70000:]]), lambda n: os.read(r, n), lambda: os.close(w))
+file = tempfile.TemporaryFile(); file.write(bytes(1000000)); file.flush()
+a, b = socket.socketpair()
+writes("file", lambda _: a.sendfile(file), lambda n: b.recv(n), a.close)
 r, w = os.pipe(); p, q = os.pipe()
 threading.Timer(1, lambda: os.write(w, b"late")).start()
 print("splice", os.splice(r, q, 100), os.read(p, 9), at())
@@ -709,7 +712,7 @@ print(os.read(s, 9), at())
     assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
     let lines: Vec<&str> = played.output.lines().collect();
     let of = |name: &str| lines.iter().find(|line| line.starts_with(name)).copied();
-    for name in ["pipe", "socket", "parts"] {
+    for name in ["pipe", "socket", "parts", "file"] {
         let line = of(name).unwrap_or_else(|| panic!("{}", played.output));
         assert!(
             line.starts_with(&format!("{name} 1000000 ")),
@@ -719,7 +722,7 @@ print(os.read(s, 9), at())
     }
     assert_eq!(
         played.output.matches("read 1000000 ").count(),
-        3,
+        4,
         "{}",
         played.output
     );

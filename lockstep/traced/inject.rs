@@ -87,7 +87,12 @@ impl Tracer<'_> {
                     return Err(Halt::Gone);
                 }
                 Ok(None) => {}
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {
+                    if self.is_over_time() {
+                        self.kill_all();
+                        return Err(Halt::Gone);
+                    }
+                }
                 Err(error) => return Err(error.into()),
             }
         }

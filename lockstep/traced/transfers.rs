@@ -167,31 +167,29 @@ impl Tracer<'_> {
         descriptor: &Rc<Descriptor>,
     ) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
-        let flags = match call {
-            Syscall::Write
-            | Syscall::Writev
-            | Syscall::Sendto
-            | Syscall::Sendmsg
-            | Syscall::Sendmmsg
-            | Syscall::Splice
-            | Syscall::Sendfile
-            | Syscall::MqTimedsend => PollFlags::OUT,
-            Syscall::Vmsplice if descriptor.is_for_writing() => PollFlags::OUT,
-            _ => PollFlags::IN,
+        let (send, write) = (libc::SYS_sendto, libc::SYS_write);
+        let no_wait = u64::from(libc::MSG_DONTWAIT.unsigned_abs());
+        let no_splice_wait = u64::from(libc::SPLICE_F_NONBLOCK);
+        // What it waits for, whether it is not to wait, and the syscall that writes the rest of a long write.
+        let (flags, at_once, rest) = match call {
+            Syscall::Write | Syscall::Writev => (PollFlags::OUT, 0, Some((write, 0))),
+            Syscall::Sendto => (PollFlags::OUT, a[3] & no_wait, Some((send, a[3]))),
+            Syscall::Sendmsg => (PollFlags::OUT, a[2] & no_wait, Some((send, a[2]))),
+            Syscall::Sendmmsg => (PollFlags::OUT, a[3] & no_wait, None),
+            Syscall::Recvfrom | Syscall::Recvmmsg => (PollFlags::IN, a[3] & no_wait, None),
+            Syscall::Recvmsg => (PollFlags::IN, a[2] & no_wait, None),
+            Syscall::Vmsplice if descriptor.is_for_writing() => {
+                (PollFlags::OUT, a[3] & no_splice_wait, None)
+            }
+            Syscall::Vmsplice | Syscall::Tee => (PollFlags::IN, a[3] & no_splice_wait, None),
+            Syscall::Splice | Syscall::Sendfile | Syscall::MqTimedsend => (PollFlags::OUT, 0, None),
+            _ => (PollFlags::IN, 0, None),
         };
         if flags == PollFlags::OUT && descriptor.is_socket() {
             // Else the system keeps back small messages, by its own clock. What is not TCP refuses this.
             let _ = set_tcp_nodelay(&descriptor.file, true);
         }
-        let message_flags = match call {
-            Syscall::Recvfrom | Syscall::Sendto | Syscall::Recvmmsg | Syscall::Sendmmsg => a[3],
-            Syscall::Recvmsg | Syscall::Sendmsg => a[2],
-            _ => 0,
-        };
-        let at_once = message_flags & u64::from(libc::MSG_DONTWAIT.unsigned_abs()) != 0
-            || matches!(call, Syscall::Tee | Syscall::Vmsplice)
-                && a[3] & u64::from(libc::SPLICE_F_NONBLOCK) != 0;
-        let at_once = at_once || descriptor.is_nonblocking();
+        let at_once = at_once != 0 || descriptor.is_nonblocking();
         let is_ready =
             descriptor.is_ready(flags) || flags == PollFlags::IN && self.has_signal(tid, fd);
         let before = self.tree.thread(tid)?.again_until.take();
@@ -199,16 +197,20 @@ impl Tracer<'_> {
             let backs_off = if is_ready { None } else { self.query(entry) };
             return Ok(backs_off.unwrap_or(Handling::Make));
         }
-        let rest = match call {
-            Syscall::Write | Syscall::Writev => Some((libc::SYS_write, 0)),
-            Syscall::Sendto => Some((libc::SYS_sendto, a[3])),
-            Syscall::Sendmsg => Some((libc::SYS_sendto, a[2])),
-            _ => None,
-        };
         let parts = rest.map(|_| parts(entry)).transpose()?.unwrap_or_default();
-        let is_long = descriptor.takes_parts(whole_length(&parts));
+        let length = match call {
+            Syscall::Sendfile => a[3],
+            Syscall::Splice => a[4],
+            _ => whole_length(&parts),
+        };
+        let is_long = descriptor.takes_parts(length);
         if is_ready && !is_long {
             return Ok(Handling::Make);
+        }
+        if is_ready && rest.is_none() {
+            // The program makes it again for the rest.
+            let result = self.write_now(tid, descriptor, entry.registers.number(), a)?;
+            return Ok(Handling::Answer(result));
         }
         let (mut late, mut deadline) = (-i64::from(libc::EAGAIN), None);
         if is_queue(call) && a[4] != 0 {
