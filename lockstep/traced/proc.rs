@@ -37,6 +37,13 @@ pub(crate) fn kernel_state(process: Tid, tid: Tid) -> Option<char> {
     stat.rsplit_once(')')?.1.trim_start().chars().next()
 }
 
+/// Returns whether a thread sleeps until the named pipe that it opens is opened at its other end.
+pub(crate) fn opens_pipe(process: Tid, tid: Tid) -> bool {
+    // The name of the kernel's function.
+    std::fs::read_to_string(format!("/proc/{process}/task/{tid}/wchan"))
+        .is_ok_and(|place| place == "wait_for_partner")
+}
+
 /// The part of a process's memory that holds an address: where it begins, and what the system says of
 /// it (`proc_pid_maps(5)`) from its rights on.
 pub(crate) fn mapping(process: Tid, address: u64) -> Option<(u64, String)> {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::traced::arch::{self, Registers};
 use crate::traced::memory::Memory;
 use crate::traced::outside::{connects_to, kernel_wait};
-use crate::traced::proc::{kernel_state, name_of};
+use crate::traced::proc::{kernel_state, name_of, opens_pipe};
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::Halt;
 use crate::traced::tracer::Tracer;
@@ -18,7 +18,7 @@ use crate::{End, Error, Reason};
 const LONG: Duration = Duration::from_secs(1);
 
 /// Ticks in a row at which a thread sleeps in the kernel before it is taken to wait there: for another
-/// machine, and for anything else. The kernel's own work, as to read from a disk, takes less.
+/// machine or the other end of a named pipe, and for anything else. The kernel's own work, as to read from a disk, takes less.
 const SLEEPY_TICKS: [u32; 2] = [2, 50];
 
 impl Tracer<'_> {
@@ -86,9 +86,11 @@ impl Tracer<'_> {
             return false;
         }
         self.schedule.sleepy += 1;
-        let [connects, any] = SLEEPY_TICKS.map(|ticks| self.schedule.sleepy >= ticks);
-        let peer = connects.then(|| connects_to(thread.process, tid)).flatten();
-        let Some(what) = peer.or_else(|| any.then(|| kernel_wait(thread.process, tid))) else {
+        let process = thread.process;
+        let [soon, any] = SLEEPY_TICKS.map(|ticks| self.schedule.sleepy >= ticks);
+        let peer = soon.then(|| connects_to(process, tid)).flatten();
+        let waits = any || soon && opens_pipe(process, tid);
+        let Some(what) = peer.or_else(|| waits.then(|| kernel_wait(process, tid))) else {
             return false;
         };
         self.report.outside.insert(what);
