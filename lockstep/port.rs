@@ -253,8 +253,7 @@ impl Port {
     pub(crate) fn any_changes(ports: &[Self]) -> bool {
         let watches = ports.iter().filter_map(|port| port.pair.as_ref());
         let polls = watches.map(|pair| PollFd::new(&pair.watch, PollFlags::IN));
-        let mut polls: Vec<PollFd<'_>> = polls.collect();
-        rustix::event::poll(&mut polls, Some(&Timespec::default())).is_ok_and(|count| count > 0)
+        poll(&mut polls.collect::<Vec<_>>())
     }
 
     /// Opens (`true`) and closes by clients since the last time.
@@ -423,6 +422,11 @@ impl Drop for Port {
     }
 }
 
+/// Returns whether any of these is ready.
+pub(crate) fn poll(polls: &mut [PollFd<'_>]) -> bool {
+    rustix::event::poll(polls, Some(&Timespec::default())).is_ok_and(|count| count > 0)
+}
+
 /// Takes what is there; `None` if that fails.
 fn read(from: &OwnedFd, most: usize) -> Option<Vec<u8>> {
     let mut bytes = vec![0; most];
@@ -471,9 +475,8 @@ impl Pair {
         drop(self.master);
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {
-            let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
-            let _ = rustix::event::poll(&mut poll, Some(&Timespec::default()));
-            if poll[0].revents().contains(PollFlags::ERR) {
+            let mut slave = [PollFd::new(&self.slave, PollFlags::IN)];
+            if poll(&mut slave) && slave[0].revents().contains(PollFlags::ERR) {
                 return Ok(self.slave);
             }
             std::thread::yield_now();
@@ -500,7 +503,6 @@ impl Pair {
     /// Returns whether a read would return something, by the terminal's own rules. If it would not,
     /// all that has been written to the other end has been dealt with.
     fn is_readable(&self) -> bool {
-        let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
-        rustix::event::poll(&mut poll, Some(&Timespec::default())).is_ok_and(|n| n > 0)
+        poll(&mut [PollFd::new(&self.slave, PollFlags::IN)])
     }
 }

@@ -11,15 +11,12 @@ const NANOSECONDS: u64 = 1_000_000_000;
 pub(crate) struct Clocks {
     /// Date that the real-time clock shows at the beginning.
     date: u64,
-    /// Time by which programs have set it forward, wrapping.
-    shift: u64,
 }
 
 impl Clocks {
     pub(crate) fn new(date: Duration) -> Self {
         Self {
             date: nanoseconds(date),
-            shift: 0,
         }
     }
 
@@ -29,7 +26,7 @@ impl Clocks {
 
     /// Nanoseconds since 1970.
     pub(crate) fn real(&self, now: u64) -> u64 {
-        self.date.saturating_add(now).wrapping_add(self.shift)
+        self.date.saturating_add(now)
     }
 
     /// Time that a clock shows; `None` for one that is not of simulated time.
@@ -52,10 +49,6 @@ impl Clocks {
     pub(crate) fn when(&self, clock: i32, shown: u64, now: u64) -> Option<u64> {
         let shows = self.show(clock, now)?;
         Some(now.saturating_add(shown.saturating_sub(shows)))
-    }
-
-    pub(crate) fn set_real(&mut self, to: u64, now: u64) {
-        self.shift = to.wrapping_sub(self.date.saturating_add(now));
     }
 }
 

@@ -1,7 +1,7 @@
 //! Syscalls that read the time, set it, or sleep.
 
 use crate::traced::arch::Syscall;
-use crate::traced::clock::{parts, parts_micros, span, span_micros};
+use crate::traced::clock::{parts, parts_micros, span};
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
@@ -17,19 +17,8 @@ impl Tracer<'_> {
     pub(crate) fn clock_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let a = entry.a;
         let memory = Memory(entry.tid);
-        let set = match entry.call {
-            Syscall::ClockSettime => Some((int(a[0]), a[1], span as fn((i64, i64)) -> Option<u64>)),
-            Syscall::Settimeofday => Some((libc::CLOCK_REALTIME, a[0], span_micros as _)),
-            _ => None,
-        };
-        if let Some((clock, address, read)) = set {
-            let is_real = clock == libc::CLOCK_REALTIME;
-            if !is_real || address == 0 || !rustix::process::geteuid().is_root() {
-                return Ok(Handling::Make);
-            }
-            let to = read(memory.read_pair(address)?).ok_or(Halt::Make)?;
-            self.clocks.set_real(to, self.now);
-            return Ok(Handling::Answer(0));
+        if matches!(entry.call, Syscall::ClockSettime | Syscall::Settimeofday) {
+            return Ok(failure(libc::EPERM));
         }
         if let Some(action) = self.query(entry) {
             return Ok(action);

@@ -6,10 +6,11 @@ use std::net::SocketAddr;
 use std::os::fd::{AsFd, AsRawFd as _, OwnedFd};
 use std::rc::Rc;
 
-use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::event::{PollFd, PollFlags};
 use rustix::fs::{AtFlags, CWD, FileType, OFlags, StatxFlags, makedev, statx};
 
 use crate::copies;
+use crate::port::poll;
 use crate::traced::sys::Tid;
 
 /// The descriptors that a process has used, until it closes them; `None` for one that cannot be known.
@@ -174,6 +175,5 @@ impl Drop for WithoutWaiting<'_> {
 
 pub(crate) fn is_any_ready(polls: &mut [PollFd<'_>]) -> bool {
     let _copies = copies::none();
-    !polls.is_empty()
-        && rustix::event::poll(polls, Some(&Timespec::default())).is_ok_and(|count| count > 0)
+    !polls.is_empty() && poll(polls)
 }

@@ -13,7 +13,6 @@ pub(crate) mod child;
 use std::io;
 use std::mem::MaybeUninit;
 use std::ptr;
-use std::sync::OnceLock;
 use std::time::Duration;
 
 use rustix::process::{self, Pid, Signal, WaitOptions};
@@ -255,24 +254,17 @@ extern "C" fn nothing(_signal: i32) {}
 
 impl Ticks {
     /// Begins. The signal is one that no other program sends to this program, and that would be ignored.
-    pub(crate) fn start(every: Duration) -> io::Result<Self> {
-        static HANDLED: OnceLock<bool> = OnceLock::new();
-        let handled = *HANDLED.get_or_init(|| {
-            // SAFETY: the handler does nothing, so that it may run at any time; without SA_RESTART
-            // a wait ends with EINTR. All fields of the structure may be zero.
-            unsafe {
-                let mut action: libc::sigaction = std::mem::zeroed();
-                action.sa_sigaction = nothing as extern "C" fn(i32) as usize;
-                libc::sigaction(libc::SIGURG, &raw const action, ptr::null_mut()) == 0
-            }
-        });
-        if !handled {
-            return Err(io::Error::other("cannot handle SIGURG"));
+    pub(crate) fn start() -> io::Result<Self> {
+        // SAFETY: the handler does nothing, so that it may run at any time, and may be set again; without
+        // SA_RESTART a wait ends with EINTR. All fields of the structure may be zero.
+        unsafe {
+            let mut action: libc::sigaction = std::mem::zeroed();
+            action.sa_sigaction = nothing as extern "C" fn(i32) as usize;
+            check(libc::sigaction(libc::SIGURG, &raw const action, ptr::null_mut()).into())?;
         }
-        let nanos = i64::from(every.subsec_nanos());
         let every = libc::timespec {
-            tv_sec: i64::try_from(every.as_secs()).unwrap_or(i64::MAX),
-            tv_nsec: nanos,
+            tv_sec: 0,
+            tv_nsec: TICK.subsec_nanos().into(),
         };
         let times = libc::itimerspec {
             it_interval: every,

@@ -15,7 +15,7 @@ use crate::traced::one_processor::Lists;
 use crate::traced::passage::Passage;
 use crate::traced::processor::Processor;
 use crate::traced::spawn::{self, Starting};
-use crate::traced::sys::{TICK, Ticks, Tid};
+use crate::traced::sys::{Ticks, Tid};
 use crate::traced::syscall::Halt;
 use crate::traced::timers::Timers;
 use crate::traced::tree::Tree;
@@ -88,7 +88,7 @@ pub fn run(
     ports: &mut [Port],
     world: &mut dyn World,
 ) -> Result<Ending, Error> {
-    let ticks = Ticks::start(TICK).map_err(|error| Error::System {
+    let ticks = Ticks::start().map_err(|error| Error::System {
         what: "cannot make a timer",
         error,
     })?;
