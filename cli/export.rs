@@ -21,7 +21,6 @@ use rigsim_core::event::Event;
 use rigsim_core::message::Sender;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
-use rigsim_runner::condition::Reading;
 use rigsim_runner::run::Probe;
 use rigsim_runner::trace::{Onlooker, Record};
 
@@ -152,11 +151,7 @@ impl Group {
 
     /// Their values, no numbers where there are none.
     fn values(&self, run: &Run) -> impl Iterator<Item = f64> {
-        self.probes.iter().map(|probe| match probe.read(run) {
-            Some(Reading::Number(number)) => number,
-            Some(Reading::Flag(flag)) => f64::from(u8::from(flag)),
-            None => f64::NAN,
-        })
+        self.probes.iter().map(|probe| probe.number(run))
     }
 }
 

@@ -12,8 +12,7 @@ use rigsim_core::device::Devices;
 use rigsim_core::rig::PortId;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
-use rigsim_runner::trace::{Hexed, Onlooker, PortRecord, Record, Replay, ReplayError};
-use serde::Deserialize;
+use rigsim_runner::trace::{Onlooker, Record, Replay, ReplayError, Timed};
 use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
 use crate::exit::{Exit, Failure};
@@ -203,19 +202,6 @@ fn play(lines: &mut Lines<'_>, mut replay: Replay<'_>) -> Result<Played, Failure
     Ok(replay.finish())
 }
 
-/// What says when a line of a trace is over.
-#[derive(Deserialize)]
-struct Timed {
-    kind: String,
-    #[serde(default)]
-    t: u64,
-    #[serde(default)]
-    dt: u64,
-    #[serde(default)]
-    bytes: Hexed,
-    port: Option<PortRecord>,
-}
-
 /// Plays a recording again up to a time. Its client has closed its ports then.
 pub(crate) fn until(devices: Devices, path: &Path, at: SimTime) -> Result<Run, Failure> {
     let (mut run, open, is_there) = part(devices, path, at)?;
@@ -243,8 +229,7 @@ pub(crate) fn part(
     let (mut open, mut is_there) = (BTreeSet::new(), false);
     while let Some(line) = lines.next()? {
         if let Ok(line) = serde_json::from_str::<Timed>(line) {
-            let rest = line.bytes.0.len().saturating_sub(1) as u64 * line.dt;
-            if line.t.saturating_add(rest) > at.as_nanos() {
+            if line.over() > at.as_nanos() {
                 is_there = true;
                 // What the client did next stands behind bytes of the device.
                 match line.kind.as_str() {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use rigsim_core::SimTime;
 use rigsim_core::line::{ClientLine, Wire};
 use rigsim_core::settings::SimSettings;
-use rigsim_runner::trace::{Record, Replay, ReplayError};
+use rigsim_runner::trace::{Record, Replay, ReplayError, Timed};
 use rigsim_runner::{Run, RunOptions, Scenario};
 use rigsim_settings::Source;
 
@@ -276,7 +276,7 @@ pub fn play(text: &str) {
         Err(error) => return reported(&error),
     };
     for line in lines {
-        if until(line) > MOST_TIME {
+        if serde_json::from_str::<Timed>(line).is_ok_and(|line| line.over() > MOST_TIME) {
             return;
         }
         if let Err(error) = replay.line(line) {
@@ -299,27 +299,6 @@ fn is_large(header: &str) -> bool {
     };
     Scenario::parse(source, &SimSettings::new(rigsim_core::SHIPPED))
         .is_ok_and(|scenario| scenario.rig.devices.len() > MOST_DRIVEN)
-}
-
-/// To which time a line lets the second run go, ns.
-fn until(line: &str) -> u64 {
-    match serde_json::from_str(line) {
-        Ok(
-            Record::Attach { t, .. }
-            | Record::Detach { t, .. }
-            | Record::Line { t, .. }
-            | Record::Late { t, .. }
-            | Record::In { t, .. }
-            | Record::Add { t, .. }
-            | Record::Clear { t, .. }
-            | Record::End { t, .. },
-        ) => t,
-        Ok(Record::Out { t, dt, bytes, .. }) => {
-            let count = u64::try_from(bytes.0.len()).unwrap_or(u64::MAX);
-            t.saturating_add(dt.saturating_mul(count))
-        }
-        _ => 0,
-    }
 }
 
 fn reported(error: &ReplayError) {

@@ -6,7 +6,6 @@ use rigsim_core::SimTime;
 use rigsim_core::device::names::Unit;
 use rigsim_core::event::Event;
 use rigsim_runner::Run;
-use rigsim_runner::condition::Reading;
 use rigsim_runner::run::Probe;
 use rigsim_runner::trace::Onlooker;
 
@@ -98,12 +97,10 @@ impl Samples {
     }
 
     fn sample(&mut self, run: &Run) {
-        let values = self.probes.iter().map(|probe| match probe.read(run) {
-            Some(Reading::Number(number)) => number,
-            Some(Reading::Flag(flag)) => f64::from(u8::from(flag)),
-            None => 0.0,
-        });
-        let values: Vec<f64> = values.collect();
+        let values = self.probes.iter().map(|probe| probe.number(run));
+        // What is not known yet is zero, which is the same as itself.
+        let zero = |value: f64| if value.is_nan() { 0.0 } else { value };
+        let values: Vec<f64> = values.map(zero).collect();
         if self.times.len() < MOST_SAMPLES && self.values.last() != Some(&values) {
             for (most, value) in self.most.iter_mut().zip(&values) {
                 *most = most.max(*value);

@@ -19,6 +19,16 @@ pub struct Probe {
 }
 
 impl Probe {
+    /// Its value now as a number: true is 1, and what is not known is no number.
+    #[must_use]
+    pub fn number(&self, run: &Run) -> f64 {
+        match self.read(run) {
+            Some(Reading::Number(number)) => number,
+            Some(Reading::Flag(flag)) => f64::from(u8::from(flag)),
+            None => f64::NAN,
+        }
+    }
+
     /// Its value now, which may be without end; `None` if no step has remembered it yet.
     #[must_use]
     pub fn read(&self, run: &Run) -> Option<Reading> {

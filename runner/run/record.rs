@@ -118,6 +118,30 @@ pub enum Record {
     },
 }
 
+/// What says when a line is over, and where it was.
+#[derive(Debug, Clone, Deserialize)]
+pub struct Timed {
+    /// Kind of the line.
+    pub kind: String,
+    /// Its port, if it has one.
+    pub port: Option<PortRecord>,
+    #[serde(default)]
+    t: u64,
+    #[serde(default)]
+    dt: u64,
+    #[serde(default)]
+    bytes: Hexed,
+}
+
+impl Timed {
+    /// Time of it in nanoseconds, or of its last byte.
+    #[must_use]
+    pub fn over(&self) -> u64 {
+        let rest = self.bytes.0.len().saturating_sub(1) as u64;
+        self.t.saturating_add(rest.saturating_mul(self.dt))
+    }
+}
+
 /// Everything that a second run needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {

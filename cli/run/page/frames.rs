@@ -10,7 +10,6 @@ use rigsim_core::effect::{FaultEvent, FaultPhase};
 use rigsim_core::event::Event;
 use rigsim_physics::world::{Feature, FeatureKind};
 use rigsim_runner::Run;
-use rigsim_runner::condition::Reading;
 use rigsim_runner::run::Probe;
 use rigsim_runner::trace::{Onlooker, Record};
 
@@ -284,15 +283,6 @@ impl<'a> Frames<'a> {
     }
 }
 
-/// The number that a name is now; true is 1, and what is not known is no number.
-fn number(probe: &Probe, run: &Run) -> f64 {
-    match probe.read(run) {
-        Some(Reading::Number(number)) => number,
-        Some(Reading::Flag(flag)) => f64::from(u8::from(flag)),
-        None => f64::NAN,
-    }
-}
-
 /// Returns whether it makes a plot: ages and counts tell nothing that others do not.
 fn is_shown(unit: &str) -> bool {
     !unit.is_empty() && unit != "s"
@@ -332,13 +322,13 @@ impl Onlooker for Frames<'_> {
         self.times.push(run.rig().now().as_secs_f64());
         for way in &mut self.ways {
             if let Some(probes) = &way.probes {
-                let pose = [0, 1, 2].map(|index| number(&probes[index], run));
+                let pose = [0, 1, 2].map(|index| probes[index].number(run));
                 way.poses.push(pose);
             }
         }
         self.note_published(run);
         for series in &mut self.series {
-            series.values.push(number(&series.probe, run));
+            series.values.push(series.probe.number(run));
         }
     }
 }
