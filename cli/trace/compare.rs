@@ -1,11 +1,9 @@
 //! Place where two recordings part.
 
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::thread;
 use std::time::Duration;
 
-use crossbeam_channel::{Receiver, Sender, bounded};
+use anyhow::anyhow;
 use rigsim_core::SimTime;
 use rigsim_core::event::Event;
 use rigsim_runner::Run;
@@ -16,12 +14,12 @@ use crate::args::TraceArgs;
 use crate::exit::{Exit, Failure};
 use crate::log::Words;
 use crate::print::print;
-use crate::recording::{self, Played};
+use crate::recording;
 use crate::visible;
 use rigsim_core::device::Devices;
 
-/// Most events that one of them may be ahead of the other.
-const AHEAD: usize = 1 << 10;
+/// Most events of each that are compared: hours of a client that sends twenty commands a second.
+const MOST_EVENTS: usize = 1 << 18;
 /// Number of events that are shown of those before they part.
 const BEFORE: usize = 8;
 /// Number that is shown of each afterwards.
@@ -33,49 +31,35 @@ pub(super) fn compare(
     args: &TraceArgs,
     paths: [&PathBuf; 2],
 ) -> Result<Exit, Failure> {
-    thread::scope(|scope| {
-        let players = paths.map(|path| {
-            let (begins, begun) = bounded(1);
-            let (happens, happened) = bounded(AHEAD);
-            let player = scope.spawn(move || {
-                let (_, played) = recording::view(devices, path, |run| {
-                    // It is not waited for if the other one cannot be read.
-                    let _ = begins.send(Begun::new(run));
-                    Teller::new(args, run, happens)
-                })?;
-                Ok::<Played, Failure>(played)
-            });
-            (player, begun, happened)
-        });
-        let [(player_a, begun_a, a), (player_b, begun_b, b)] = players;
-        let parted = match (begun_a.recv(), begun_b.recv()) {
-            (Ok(begun_a), Ok(begun_b)) => {
-                let begun = begun_a.differences(&begun_b);
-                let within = args.within.map_or(Duration::ZERO, |within| within.0);
-                Some((begun, parting(&a, &b, within, paths)))
-            }
-            _ => None,
-        };
-        // They end as soon as there is no receiver.
-        drop((a, b));
-        for player in [player_a, player_b] {
-            let played = player
-                .join()
-                .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            let exit = exit(played?)?;
-            if exit != Exit::Clean {
-                return Ok(exit);
-            }
+    let play = |path: &Path| {
+        let (events, played) = recording::view(devices, path, |run| Events::new(args, run))?;
+        if events.has_enough() {
+            return Err(Failure::usage(anyhow!(
+                "{} has more than {MOST_EVENTS} events, too many to compare; choose some with --from, \
+                 --to or --device",
+                visible::name(path)
+            )));
         }
-        let (mut text, parting) = parted.unwrap_or_default();
-        let same = parting.is_empty();
-        if same {
-            text.push("the same happens from the beginning to the end".to_owned());
-        }
-        text.extend(parting);
-        print(&text.join("\n"))?;
-        Ok(if same { Exit::Clean } else { Exit::Failed })
-    })
+        Ok((events, exit(played)?))
+    };
+    let (a, exit) = play(paths[0])?;
+    if exit != Exit::Clean {
+        return Ok(exit);
+    }
+    let (b, exit) = play(paths[1])?;
+    if exit != Exit::Clean {
+        return Ok(exit);
+    }
+    let within = args.within.map_or(Duration::ZERO, |within| within.0);
+    let mut text = a.begun.differences(&b.begun);
+    let parting = parting(&a.happened, &b.happened, within, paths);
+    let same = parting.is_empty();
+    if same {
+        text.push("the same happens from the beginning to the end".to_owned());
+    }
+    text.extend(parting);
+    print(&text.join("\n"))?;
+    Ok(if same { Exit::Clean } else { Exit::Failed })
 }
 
 /// Beginning of a run.
@@ -133,74 +117,59 @@ impl Happened {
 }
 
 /// Where they part, in lines; none if they do not.
-fn parting(
-    a: &Receiver<Happened>,
-    b: &Receiver<Happened>,
-    within: Duration,
-    paths: [&PathBuf; 2],
-) -> Vec<String> {
-    let mut before = VecDeque::new();
-    let mut count = 0_u64;
-    loop {
-        let (in_a, in_b) = (a.recv().ok(), b.recv().ok());
-        match (&in_a, &in_b) {
-            (None, None) => return Vec::new(),
-            (Some(one), Some(other)) if one.is_same(other, within) => {
-                count += 1;
-                if before.len() == BEFORE {
-                    before.pop_front();
-                }
-                before.push_back(in_a.map(|one| one.line).unwrap_or_default());
-            }
-            _ => {
-                let mut text = vec![format!("the same for {count} events, the last of them:")];
-                text.extend(before.iter().map(|line| format!("  {line}")));
-                text.extend(follow(paths[0], in_a, a));
-                text.extend(follow(paths[1], in_b, b));
-                return text;
-            }
-        }
+fn parting(a: &[Happened], b: &[Happened], within: Duration, paths: [&PathBuf; 2]) -> Vec<String> {
+    let mut pairs = a.iter().zip(b);
+    let count = pairs.position(|(one, other)| !one.is_same(other, within));
+    let count = count.unwrap_or(a.len().min(b.len()));
+    let (before, rest) = a.split_at(count);
+    let mut text = Vec::new();
+    if rest.is_empty() && b.len() == count {
+        return text;
     }
+    text.push(format!("the same for {count} events, the last of them:"));
+    let last = &before[count.saturating_sub(BEFORE)..];
+    text.extend(last.iter().map(|one| format!("  {}", one.line)));
+    text.extend(follow(paths[0], rest));
+    text.extend(follow(paths[1], &b[count..]));
+    text
 }
 
 /// Continuation of one of them.
-fn follow(path: &Path, first: Option<Happened>, rest: &Receiver<Happened>) -> Vec<String> {
-    let lines = first.into_iter().chain(rest.iter()).take(AFTERWARDS);
-    let lines: Vec<String> = lines.map(|one| format!("  {}", one.line)).collect();
-    let word = match lines.is_empty() {
+fn follow(path: &Path, rest: &[Happened]) -> impl Iterator<Item = String> {
+    let word = match rest.is_empty() {
         true => "nothing more happens in",
         false => "then in",
     };
+    let lines = rest.iter().take(AFTERWARDS);
     std::iter::once(format!("{word} {}:", visible::name(path)))
-        .chain(lines)
-        .collect()
+        .chain(lines.map(|one| format!("  {}", one.line)))
 }
 
-/// Sends the events of a recording.
-struct Teller {
+/// Keeps the events of a recording.
+struct Events {
+    begun: Begun,
     part: Part,
     words: Words,
-    happens: Sender<Happened>,
-    has_no_receiver: bool,
+    happened: Vec<Happened>,
 }
 
-impl Teller {
-    fn new(args: &TraceArgs, run: &Run, happens: Sender<Happened>) -> Result<Self, Failure> {
+impl Events {
+    fn new(args: &TraceArgs, run: &Run) -> Result<Self, Failure> {
         Ok(Self {
+            begun: Begun::new(run),
             part: Part::new(args, run)?,
             words: Words::new(&run.scenario().rig),
-            happens,
-            has_no_receiver: false,
+            happened: Vec::new(),
         })
     }
 }
 
-impl Onlooker for Teller {
+impl Onlooker for Events {
     fn event(&mut self, _: &Run, event: &Event) {
-        if self.has_no_receiver || !self.part.has(event.at, Some(event.device)) {
+        if self.has_enough() || !self.part.has(event.at, Some(event.device)) {
             return;
         }
-        let sent = self.happens.send(Happened {
+        self.happened.push(Happened {
             at: event.at,
             device: event.device,
             code: event.kind.code().as_str(),
@@ -208,10 +177,9 @@ impl Onlooker for Teller {
             bytes: event.kind.bytes().map(std::borrow::Cow::into_owned),
             line: self.words.plain(event),
         });
-        self.has_no_receiver = sent.is_err();
     }
 
     fn has_enough(&self) -> bool {
-        self.has_no_receiver
+        self.happened.len() > MOST_EVENTS
     }
 }
