@@ -42,17 +42,14 @@ impl Source<'_> {
         key_at(self.text, at)
     }
 
-    /// The same error of the TOML parser, with its place and key.
+    /// The same error of the TOML parser, with its place.
     #[must_use]
     pub fn syntax(&self, error: &toml::de::Error) -> SettingsError {
         let at = error.span().map_or(0, |span| span.start);
         let why = shorten(error.message().replace('\n', " "));
         SettingsError::Syntax {
             origin: self.place(at),
-            why: match self.key_at(at) {
-                Some(key) => format!("`{}`: {why}", shorten(key)),
-                None => why,
-            },
+            why,
         }
     }
 }

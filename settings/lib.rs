@@ -32,8 +32,8 @@ pub use read::{Part, ReadError, Reader, Wrong, or_allowed, read};
 pub use time::{SimTime, show_duration, show_rounded};
 pub use value::{Bounds, SettingValue, Value, read_in};
 pub use written::{
-    Angle, Current, Force, Frequency, Friction, Length, Mass, Percent, Power, Resistance, Span,
-    Speed, Temperature, Torque, Voltage, Written, private,
+    Angle, Force, Frequency, Friction, Length, Mass, Percent, Power, Resistance, Span, Speed,
+    Temperature, Torque, Voltage, Written, private,
 };
 
 /// Basis of a default.

@@ -165,8 +165,6 @@ quantities! {
     pub Torque: f64, unit "N*m", range -100_000.0..=100_000.0, example "20 N*m";
     /// Volts.
     pub Voltage: f64, unit "V", range 0.0..=1000.0, example "48 V";
-    /// Amperes.
-    pub Current: f64, unit "A", range 0.0..=100_000.0, example "30 A";
     /// Watts.
     pub Power: f64, unit "W", range 0.0..=1_000_000.0, example "300 W";
     /// Ohms.

@@ -9,6 +9,7 @@ mod common;
 use common::TICK;
 use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::r150::{Load, Rail, Side, Sides};
+use rigsim_physics::world::Obstacle;
 use rigsim_physics::{
     Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
 };
@@ -79,7 +80,9 @@ impl Scene {
 
 fn digest() -> u64 {
     let mut world = World::new(&WorldSettings::default());
-    world.add_wall([6.0, -4.0], [6.0, 4.0], 0.1);
+    world
+        .add_obstacle(Obstacle::wall([6.0, -4.0], [6.0, 4.0], 0.1))
+        .unwrap();
     let settings = R150PlantSettings::default();
     let pose = |x, y, heading| Pose { x, y, heading };
     let plants = vec![

@@ -10,7 +10,7 @@ mod car;
 
 use car::MOTIONS;
 use rigsim_physics::faults::{EncoderState, MotorFaults};
-use rigsim_physics::mecanum::{Wheel, Wiring};
+use rigsim_physics::mecanum::{Port, Wheel, Wiring};
 use rigsim_physics::{
     MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
@@ -69,7 +69,7 @@ impl Scene {
         let cars = [
             MecanumPlant::with_name("first", &settings, &mut world, at(0.0, 0.0, 0.2)),
             MecanumPlant::with_name("second", &settings, &mut world, at(0.9, 0.3, 2.9))
-                .wired(Wiring::X_Y_Z_E0),
+                .wired(Wiring::new([Port::X, Port::Y, Port::Z, Port::E0], [false; 4]).unwrap()),
         ];
         let r150 = R150Plant::new(
             &R150PlantSettings::default(),

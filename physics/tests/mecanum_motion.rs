@@ -8,7 +8,7 @@ mod car;
 use car::{ARM, Car, FULL, MOTIONS, RADIUS};
 use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::mecanum::{MecanumFaults, Port, WHEELS, Wheel, Wiring};
-use rigsim_physics::world::{FrictionPatch, Rectangle, Shape};
+use rigsim_physics::world::{FrictionPatch, Obstacle, Rectangle, Shape};
 use rigsim_physics::{Ground, MecanumPlantSettings, Plant as _, Pose};
 
 fn unsupplied() -> MecanumFaults {
@@ -210,7 +210,8 @@ fn with_drag_a_strafe_loses_what_published_cars_lose_and_forward_nothing() {
 
 #[test]
 fn the_ten_motions_move_the_body_as_tabulated_for_both_wirings() {
-    for wiring in [Wiring::X_Y_E0_E1, Wiring::X_Y_Z_E0] {
+    let later = Wiring::new([Port::X, Port::Y, Port::Z, Port::E0], [false; WHEELS]).unwrap();
+    for wiring in [Wiring::X_Y_E0_E1, later] {
         for (name, rotations, direction) in MOTIONS {
             let mut car = Car::wired(wiring);
             car.turn_expecting(wiring, rotations, 0.6);
@@ -316,7 +317,9 @@ fn against_a_wall_wheels_spin_or_stall_and_their_pulses_run_away() {
         settings.motor.torque_limit = torque_limit;
         let mut car = Car::with(&settings);
         car.world.set_ground(Ground::flat(friction));
-        car.world.add_wall([0.5, -2.0], [0.5, 2.0], 0.1);
+        car.world
+            .add_obstacle(Obstacle::wall([0.5, -2.0], [0.5, 2.0], 0.1))
+            .unwrap();
         car.turn(FORWARD, 0.6);
         car.run(10.0);
         let truth = car.plant.truth();
@@ -434,7 +437,9 @@ fn hit_by_another_it_wakes() {
 #[test]
 fn leaning_on_a_wall_it_still_comes_to_rest_and_stays_there() {
     let mut car = Car::new();
-    car.world.add_wall([0.5, -2.0], [0.5, 2.0], 0.1);
+    car.world
+        .add_obstacle(Obstacle::wall([0.5, -2.0], [0.5, 2.0], 0.1))
+        .unwrap();
     car.turn(FORWARD, 0.6);
     car.run(4.0);
     car.brake();

@@ -47,8 +47,12 @@ fn in_an_empty_world_there_is_nothing() {
 #[test]
 fn echoes_come_in_the_order_of_the_packet() {
     let mut car = within(&WorldMap::default());
-    car.world.add_wall([1.0, -9.0], [1.0, 9.0], 0.02);
-    car.world.add_disc(-1.0, 0.6, 0.1);
+    car.world
+        .add_obstacle(Obstacle::wall([1.0, -9.0], [1.0, 9.0], 0.02))
+        .unwrap();
+    car.world
+        .add_obstacle(Obstacle::circle([-1.0, 0.6], 0.1))
+        .unwrap();
     let echoes = read_at(&mut car, at(0.0, 0.0, 0.0)).echoes;
     println!("{echoes:.3?}");
     for front in &echoes[1..3] {
@@ -66,7 +70,9 @@ fn echoes_come_in_the_order_of_the_packet() {
 #[test]
 fn the_infrared_sensor_sees_300_mm() {
     let mut car = Car::new();
-    car.world.add_wall([1.0, -9.0], [1.0, 9.0], 0.02);
+    car.world
+        .add_obstacle(Obstacle::wall([1.0, -9.0], [1.0, 9.0], 0.02))
+        .unwrap();
     let mut seen = |gap: f64| read_at(&mut car, at(0.99 - 0.17 - gap, 0.0, 0.0)).obstacle_ahead;
     assert!(seen(0.299) && seen(0.05));
     assert!(!seen(0.301));

@@ -5,18 +5,18 @@
 mod car;
 
 use car::Car;
-use rigsim_physics::world::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Tag};
-use rigsim_physics::{MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings};
+use rigsim_physics::world::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Rectangle, Tag};
+use rigsim_physics::{MecanumPlantSettings, Plant as _, World, WorldMap, WorldSettings};
 
-fn at(x: f64, y: f64, heading: f64) -> Pose {
-    Pose { x, y, heading }
+fn gate() -> Obstacle {
+    let gate = Rectangle::new([0.52, 0.0], 0.0, 0.1, 2.0);
+    Obstacle::new(ObstacleShape::Box(gate)).named("gate")
 }
 
 /// A car with a gate across its way, whose face is 0.3 m before its nose.
 fn before_a_gate() -> Car {
     let mut car = Car::new();
-    let gate = Obstacle::block(at(0.52, 0.0, 0.0), 0.1, 2.0).named("gate");
-    car.world.add_obstacle(gate).unwrap();
+    car.world.add_obstacle(gate()).unwrap();
     car
 }
 
@@ -209,8 +209,7 @@ fn names_are_given_once_and_what_has_none_stays() {
 fn a_gate_that_opens_and_closes_again_leaves_the_run_repeatable() {
     let run = || {
         let mut car = Car::with(&MecanumPlantSettings::default());
-        let gate = Obstacle::block(at(0.52, 0.0, 0.0), 0.1, 2.0).named("gate");
-        car.world.add_obstacle(gate).unwrap();
+        car.world.add_obstacle(gate()).unwrap();
         car.turn([1; 4], 1.0);
         for _ in 0..3 {
             car.run(1.0);

@@ -14,6 +14,7 @@ use common::{Bench, FRICTION};
 use proptest::prelude::*;
 use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side, Sides};
+use rigsim_physics::world::Obstacle;
 use rigsim_physics::{Ground, Plant as _, Pose, R150PlantSettings};
 
 /// Something that a client, an operator or a scenario may do.
@@ -177,7 +178,7 @@ proptest! {
     #[test]
     fn numbers_stay_finite_and_bounded(actions in prop::collection::vec(any_action(), 1..40)) {
         let mut bench = Bench::new();
-        bench.world.add_wall([3.0, -60.0], [3.0, 60.0], 0.2);
+        bench.world.add_obstacle(Obstacle::wall([3.0, -60.0], [3.0, 60.0], 0.2)).unwrap();
         for action in &actions {
             apply(&mut bench, action);
         }

@@ -5,6 +5,7 @@ mod common;
 use common::{Bench, FRICTION};
 use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::r150::Side;
+use rigsim_physics::world::Obstacle;
 use rigsim_physics::{Ground, Plant as _, Pose, R150Plant, R150PlantSettings};
 
 #[test]
@@ -245,7 +246,10 @@ fn against_a_wall_it_stalls_or_slips() {
     for (duty, friction) in [(0.1, FRICTION), (1.0, FRICTION), (1.0, 0.1)] {
         let mut bench = Bench::new();
         bench.world.set_ground(Ground::flat(friction));
-        bench.world.add_wall([1.0, -2.0], [1.0, 2.0], 0.1);
+        bench
+            .world
+            .add_obstacle(Obstacle::wall([1.0, -2.0], [1.0, 2.0], 0.1))
+            .unwrap();
         bench.drive(duty, duty);
         bench.run(20.0);
         let truth = bench.plant.truth();

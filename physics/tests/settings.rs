@@ -13,7 +13,7 @@ use common::Bench;
 use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::noise::Noise;
 use rigsim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side};
-use rigsim_physics::world::{Strip, Tag};
+use rigsim_physics::world::{Obstacle, Strip, Tag};
 use rigsim_physics::{
     Ground, MecanumPlantSettings, Plant as _, R150Commands, R150Plant, R150PlantSettings, World,
     WorldMap, WorldSettings,
@@ -132,7 +132,9 @@ fn within(world: &WorldSettings, settings: &R150PlantSettings) -> (World, R150Pl
     let mut world = World::new(world);
     world.set_seed(1);
     // Another body, to run into.
-    world.add_wall([4.0, -9.0], [4.0, 9.0], 0.02);
+    world
+        .add_obstacle(Obstacle::wall([4.0, -9.0], [4.0, 9.0], 0.02))
+        .unwrap();
     let plant = R150Plant::new(settings, &mut world, rigsim_physics::Pose::default());
     (world, plant)
 }
@@ -278,9 +280,15 @@ fn rolls(settings: &MecanumPlantSettings) -> Vec<String> {
         ..WorldMap::default()
     };
     let mut world = World::with_map(&WorldSettings::default(), &map);
-    world.add_wall([0.6, -9.0], [0.6, 9.0], 0.02);
-    world.add_wall([-9.0, 2.0], [9.0, 3.0], 0.02);
-    world.add_disc(-3.0, -0.3, 0.1);
+    world
+        .add_obstacle(Obstacle::wall([0.6, -9.0], [0.6, 9.0], 0.02))
+        .unwrap();
+    world
+        .add_obstacle(Obstacle::wall([-9.0, 2.0], [9.0, 3.0], 0.02))
+        .unwrap();
+    world
+        .add_obstacle(Obstacle::circle([-3.0, -0.3], 0.1))
+        .unwrap();
     let mut car = Car::within(world, settings);
     car.plant.set_chance(Noise::new(1, "car"));
     let mut seen = Vec::new();

@@ -90,14 +90,6 @@ impl Obstacle {
         })
     }
 
-    /// A box, `length` along its heading and `width` across.
-    #[must_use]
-    pub fn block(pose: Pose, length: f64, width: f64) -> Self {
-        let Pose { x, y, heading } = pose;
-        let rectangle = Rectangle::new([x, y], heading, length, width);
-        Self::new(ObstacleShape::Box(rectangle))
-    }
-
     /// A post.
     #[must_use]
     pub fn circle(centre: [f64; 2], radius: f64) -> Self {

@@ -64,21 +64,6 @@ impl World {
         self.standing.iter().map(|standing| &standing.obstacle)
     }
 
-    /// Adds a box without a name, `length` along its heading and `width` across, m.
-    pub fn add_box(&mut self, pose: Pose, length: f64, width: f64) {
-        self.stand(Obstacle::block(pose, length, width));
-    }
-
-    /// Adds a post of `radius` metres without a name.
-    pub fn add_disc(&mut self, x: f64, y: f64, radius: f64) {
-        self.stand(Obstacle::circle([x, y], radius));
-    }
-
-    /// Adds a wall of `thickness` metres without a name, whose middle line runs between two points.
-    pub fn add_wall(&mut self, from: [f64; 2], to: [f64; 2], thickness: f64) {
-        self.stand(Obstacle::wall(from, to, thickness));
-    }
-
     pub(super) fn check_name(&self, obstacle: &Obstacle) -> Result<(), ObstacleError> {
         free(obstacle.name(), self.obstacles())
     }

@@ -46,14 +46,15 @@ fn the_error_names_the_body_that_is_no_longer_finite() {
 
 #[test]
 fn obstacles_stop_even_a_fast_body_and_count_as_one_collision() {
-    let obstacles: [fn(&mut World); 3] = [
-        |world| world.add_wall([3.0, -1.0], [3.0, 1.0], 0.1),
-        |world| world.add_box(at(3.5, 0.0), 1.0, 2.0),
-        |world| world.add_disc(3.5, 0.0, 0.5),
+    let block = ObstacleShape::Box(Rectangle::new([3.5, 0.0], 0.0, 1.0, 2.0));
+    let obstacles = [
+        Obstacle::wall([3.0, -1.0], [3.0, 1.0], 0.1),
+        Obstacle::new(block),
+        Obstacle::circle([3.5, 0.0], 0.5),
     ];
-    for add in obstacles {
+    for obstacle in obstacles {
         let mut world = world();
-        add(&mut world);
+        world.add_obstacle(obstacle).unwrap();
         let cart = world.add_body("cart", CART, at(0.0, 0.0));
         for _ in 0..400 {
             let motion = world.motion(cart);
@@ -69,7 +70,9 @@ fn obstacles_stop_even_a_fast_body_and_count_as_one_collision() {
 #[test]
 fn passing_close_by_is_no_collision() {
     let mut world = world();
-    world.add_wall([-5.0, 0.0], [5.0, 0.0], 0.02);
+    world
+        .add_obstacle(Obstacle::wall([-5.0, 0.0], [5.0, 0.0], 0.02))
+        .unwrap();
     // Its flank passes five millimetres from the wall.
     let cart = world.add_body("cart", CART, at(-1.0, 0.315));
     world.set_velocity(cart, [1.0, 0.0], 0.0);

@@ -5,8 +5,8 @@ fn what_is_written_reads_back() {
     for text in ["250ms", "3s", "1500us"] {
         assert_eq!(text.parse::<Span>().unwrap().to_string(), text);
     }
-    assert_eq!("0.25 kA".parse::<Current>(), Ok(Current(250.0)));
-    assert_eq!(Current(250.0).to_string().parse(), Ok(Current(250.0)));
+    assert_eq!("0.25 kW".parse::<Power>(), Ok(Power(250.0)));
+    assert_eq!(Power(250.0).to_string().parse(), Ok(Power(250.0)));
     assert!(
         "-1 kg"
             .parse::<Mass>()

@@ -13,7 +13,7 @@ mod status;
 use crate::firmware::Firmware as _;
 use std::time::Duration;
 
-use rigsim_physics::mecanum::{MecanumMeasurements, WHEELS, Wheel, Wiring};
+use rigsim_physics::mecanum::{MecanumMeasurements, PortCommand, WHEELS, Wheel, Wiring};
 use rigsim_settings::SimTime;
 
 use super::codec;
@@ -28,6 +28,15 @@ const QUANTUM: Duration = Duration::from_nanos(1);
 /// How often the car's pulses are read.
 const TICK: Duration = Duration::from_millis(1);
 const MS: fn(u64) -> SimTime = SimTime::from_millis;
+
+/// Direction in which pins roll a wheel: 1 forward, −1 backward, 0 not at all.
+fn rotation(pins: PortCommand) -> i8 {
+    match pins {
+        PortCommand { brake: true, .. } => 0,
+        PortCommand { reverse: true, .. } => -1,
+        PortCommand { reverse: false, .. } => 1,
+    }
+}
 
 /// A board in a car on a bench.
 struct Bench {
@@ -107,7 +116,7 @@ impl Bench {
             if self.stuck[at] {
                 continue;
             }
-            let rotation = f64::from(self.plugs.rotation(&commands, wheel));
+            let rotation = f64::from(rotation(self.plugs.command(&commands, wheel)));
             let pulses = 50.0 * commands.speed_voltage * seconds;
             self.turned[at] += rotation * pulses;
             // A pulse that is short of its place by rounding alone has come.

@@ -21,22 +21,16 @@ pub struct Wiring {
 
 impl Wiring {
     /// The article's table: X, Y, E0, E1.
-    pub const X_Y_E0_E1: Self = Self::straight([Port::X, Port::Y, Port::E0, Port::E1]);
-    /// The article's later line: X, Y, Z, E0.
-    pub const X_Y_Z_E0: Self = Self::straight([Port::X, Port::Y, Port::Z, Port::E0]);
+    pub const X_Y_E0_E1: Self = Self {
+        ports: [Port::X, Port::Y, Port::E0, Port::E1],
+        reversed: [false; WHEELS],
+    };
 
     /// Ports of LF, RF, LR, RR and whether FR is reversed there; `None` if a port comes twice.
     #[must_use]
     pub fn new(ports: [Port; WHEELS], reversed: [bool; WHEELS]) -> Option<Self> {
         let distinct = (1..WHEELS).all(|at| !ports[..at].contains(&ports[at]));
         distinct.then_some(Self { ports, reversed })
-    }
-
-    const fn straight(ports: [Port; WHEELS]) -> Self {
-        Self {
-            ports,
-            reversed: [false; WHEELS],
-        }
     }
 
     /// The port of a wheel.
@@ -60,14 +54,6 @@ impl Wiring {
         }
     }
 
-    /// The wheel at a port, if any.
-    #[must_use]
-    pub fn wheel(&self, port: Port) -> Option<Wheel> {
-        Wheel::ALL
-            .into_iter()
-            .find(|wheel| self.port(*wheel) == port)
-    }
-
     /// Command of the pins to a wheel: `reverse` then says that it is to roll backward.
     #[must_use]
     pub fn command(&self, commands: &MecanumCommands, wheel: Wheel) -> PortCommand {
@@ -75,17 +61,6 @@ impl Wiring {
         PortCommand {
             reverse: reverse != self.is_reversed(wheel),
             brake,
-        }
-    }
-
-    /// Direction in which the pins roll a wheel: 1 forward, −1 backward, 0 not at all.
-    #[must_use]
-    pub fn rotation(&self, commands: &MecanumCommands, wheel: Wheel) -> i8 {
-        match self.command(commands, wheel) {
-            PortCommand { brake: true, .. } => 0,
-            _ if commands.speed_voltage <= 0.0 => 0,
-            PortCommand { reverse: true, .. } => -1,
-            PortCommand { reverse: false, .. } => 1,
         }
     }
 }

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::pose::Pose;
-use crate::world::{BodyShape, WorldMap, WorldSettings};
+use crate::world::{BodyShape, Obstacle, ObstacleShape, Rectangle, WorldMap, WorldSettings};
 
 fn world() -> World {
     World::new(&WorldSettings::default())
@@ -30,7 +30,9 @@ fn close(found: f64, wanted: f64) -> bool {
 #[test]
 fn a_wall_ahead_is_as_far_as_its_face() {
     let mut world = world();
-    world.add_wall([2.0, -5.0], [2.0, 5.0], 0.1);
+    world
+        .add_obstacle(Obstacle::wall([2.0, -5.0], [2.0, 5.0], 0.1))
+        .unwrap();
     assert!(close(echo(&world, &cone([0.0; 2], 0.0, 15.0, 4.5)), 1.95));
     // Looking aside by less than half the opening it still finds the foot of the perpendicular.
     assert!(close(echo(&world, &cone([0.0; 2], 14.0, 15.0, 4.5)), 1.95));
@@ -45,12 +47,14 @@ fn a_wall_ahead_is_as_far_as_its_face() {
 #[test]
 fn the_end_of_a_wall_a_post_and_the_corner_of_a_box_are_seen() {
     let mut wall = world();
-    wall.add_wall([1.0, 0.0], [1.0, 3.0], 0.2);
+    wall.add_obstacle(Obstacle::wall([1.0, 0.0], [1.0, 3.0], 0.2))
+        .unwrap();
     assert!(close(echo(&wall, &cone([0.0; 2], 0.0, 1.0, 4.5)), 0.9));
     assert!(close(echo(&wall, &cone([1.0, -1.0], 90.0, 5.0, 4.5)), 0.9));
 
     let mut post = world();
-    post.add_disc(1.5, 0.3, 0.2);
+    post.add_obstacle(Obstacle::circle([1.5, 0.3], 0.2))
+        .unwrap();
     let distance = 1.5_f64.hypot(0.3) - 0.2;
     assert!(close(
         echo(&post, &cone([0.0; 2], 0.0, 15.0, 4.5)),
@@ -62,15 +66,10 @@ fn the_end_of_a_wall_a_post_and_the_corner_of_a_box_are_seen() {
     assert!(echo(&post, &cone([0.0; 2], -10.0, 5.0, 4.5)).is_infinite());
 
     let mut block = world();
-    block.add_box(
-        Pose {
-            x: 2.0,
-            y: 0.0,
-            heading: std::f64::consts::FRAC_PI_4,
-        },
-        1.0,
-        1.0,
-    );
+    let turned = Rectangle::new([2.0, 0.0], std::f64::consts::FRAC_PI_4, 1.0, 1.0);
+    block
+        .add_obstacle(Obstacle::new(ObstacleShape::Box(turned)))
+        .unwrap();
     let corner = 2.0 - 0.5_f64.sqrt();
     assert!(close(echo(&block, &cone([0.0; 2], 0.0, 15.0, 4.5)), corner));
     assert!(close(echo(&block, &cone([0.0; 2], 0.0, 0.0, 4.5)), corner));
@@ -112,14 +111,15 @@ proptest! {
         kind in 0..3_u8, heading in -3.2..3.2_f64, length in 0.1..3.0_f64, width in 0.05..1.5_f64,
     ) {
         let mut world = world();
-        match kind {
-            0 => world.add_box(Pose { x: 0.0, y: 0.0, heading }, length, width),
-            1 => world.add_disc(0.0, 0.0, length / 2.0),
+        let obstacle = match kind {
+            0 => Obstacle::new(ObstacleShape::Box(Rectangle::new([0.0; 2], heading, length, width))),
+            1 => Obstacle::circle([0.0; 2], length / 2.0),
             _ => {
                 let end = [length * libm::cos(heading), length * libm::sin(heading)];
-                world.add_wall([0.0, 0.0], end, width);
+                Obstacle::wall([0.0; 2], end, width)
             }
-        }
+        };
+        world.add_obstacle(obstacle).unwrap();
         let found = echo(&world, &cone([x, y], degrees, half, 20.0));
         let mut nearest = f64::INFINITY;
         for beam in -500..=500 {

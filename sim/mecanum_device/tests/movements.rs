@@ -153,7 +153,7 @@ fn a_motor_at_a_port_that_is_not_driven_holds_and_one_that_is_missed_never_arriv
     // The firmware expects the article's table, the motors are plugged in by its later line: LR is
     // at a port that only holds, RR gets what is meant for LR, and E1's wheel never counts.
     let mut bench = Bench::new();
-    bench.plugs = Wiring::X_Y_Z_E0;
+    bench.plugs = Wiring::new([Port::X, Port::Y, Port::Z, Port::E0], [false; 4]).unwrap();
     bench.go(2, 10, 300);
     bench.run_ms(3000);
     assert_eq!(bench.tenths(), [-10, 10, 0, 10]);
@@ -193,7 +193,7 @@ proptest! {
         let mut bench = Bench::with(false, |s| s.wiring = wiring);
         bench.go(index, 10, if negative { -1 } else { 1 });
         let commands = bench.device.commands();
-        let found = Wheel::ALL.map(|wheel| wiring.rotation(&commands, wheel));
+        let found = Wheel::ALL.map(|wheel| rotation(wiring.command(&commands, wheel)));
         prop_assert_eq!(found, rotations);
     }
 }

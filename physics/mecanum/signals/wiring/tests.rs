@@ -1,5 +1,10 @@
 use super::*;
 
+const FORWARD: PortCommand = PortCommand {
+    reverse: false,
+    brake: false,
+};
+
 fn read(text: &str) -> Result<Wiring, String> {
     Wiring::read(&Value::Text(text.to_owned()), "")
 }
@@ -24,18 +29,15 @@ fn what_is_no_wiring_is_refused_with_the_reason() {
 
 #[test]
 fn a_reversed_wheel_rolls_the_other_way_and_an_idle_port_holds() {
-    let mut commands = MecanumCommands {
-        speed_voltage: 0.5,
-        ..MecanumCommands::default()
-    };
+    let mut commands = MecanumCommands::default();
     commands.ports[Port::Y.index()].brake = false;
     let wiring = read("y-!x-e0-e1").unwrap();
-    assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), 1);
-    assert_eq!(wiring.rotation(&commands, Wheel::RightFront), 0);
+    assert_eq!(wiring.command(&commands, Wheel::LeftFront), FORWARD);
+    assert!(wiring.command(&commands, Wheel::RightFront).brake);
     let wiring = read("!y-x-e0-e1").unwrap();
-    assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), -1);
-    assert_eq!(wiring.wheel(Port::Y), Some(Wheel::LeftFront));
-    assert_eq!(wiring.wheel(Port::Z), None);
-    commands.speed_voltage = 0.0;
-    assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), 0);
+    let backward = PortCommand {
+        reverse: true,
+        ..FORWARD
+    };
+    assert_eq!(wiring.command(&commands, Wheel::LeftFront), backward);
 }
