@@ -128,7 +128,6 @@ const BETWEEN_PULSES: Duration = Duration::from_micros(10);
 pub struct Mecanum {
     device: MecanumDevice,
     plant: MecanumPlant,
-    faults: faults::Layer,
     /// Up to when the plant has advanced.
     plant_at: SimTime,
     /// Times at which the last pulse of a wheel was taken, and the next one is to be.
@@ -153,7 +152,6 @@ impl Mecanum {
         let mut car = Self {
             device,
             plant,
-            faults: faults::Layer::default(),
             plant_at: SimTime::ZERO,
             pulse_taken: SimTime::ZERO,
             pulse_due: None,

@@ -121,7 +121,6 @@ const MOST_ROUNDS: usize = 8;
 pub struct R150 {
     device: R150Device,
     plant: R150Plant,
-    faults: faults::Layer,
     /// Up to when the plant's slow states have advanced.
     plant_at: SimTime,
     watch: Watch,
@@ -149,7 +148,6 @@ impl R150 {
         let mut vehicle = Self {
             device,
             plant,
-            faults: faults::Layer::default(),
             plant_at: SimTime::ZERO,
             watch: Watch::default(),
         };

@@ -72,10 +72,14 @@ impl MecanumFaults {
 }
 
 impl MecanumPlant {
-    /// Replaces all that is wrong with the car as a whole.
+    /// Replaces all that is wrong with the car as a whole; only a change wakes the car.
     pub fn set_faults(&mut self, faults: &MecanumFaults) {
+        let faults = faults.within_limits(self.settings.ultrasonic.range);
+        if faults == self.faults {
+            return;
+        }
         let before = self.raw_pulses();
-        self.faults = faults.within_limits(self.settings.ultrasonic.range);
+        self.faults = faults;
         self.wiring = self.plain_wiring.swapped(self.faults.swaps);
         // A counter counts on from where it is, whichever wheel's wire it gets.
         let after = self.raw_pulses();
@@ -98,9 +102,14 @@ impl MecanumPlant {
         self.pulse_offset[port] = self.pulse_offset[port].wrapping_add(pulses);
     }
 
-    /// Replaces all that is wrong with a wheel. Drag is held within 0–1000 N·m.
+    /// Replaces all that is wrong with a wheel; only a change wakes the car. Drag is held within
+    /// 0–1000 N·m.
     pub fn set_wheel_faults(&mut self, wheel: Wheel, faults: MotorFaults) {
-        self.wheel_faults[wheel.index()] = faults.within(1e3);
+        let own = &mut self.wheel_faults[wheel.index()];
+        let before = std::mem::replace(own, faults.within(1e3));
+        if before == *own {
+            return;
+        }
         if faults.blocked {
             self.drive.gear.stop(wheel.index());
         }

@@ -50,9 +50,17 @@ impl R150Faults {
 }
 
 impl R150Plant {
-    /// Replaces all that is wrong with the vehicle as a whole.
+    /// Replaces all that is wrong with the vehicle as a whole. Only a change wakes the vehicle, and
+    /// one of the encoders' readings alone does not.
     pub fn set_faults(&mut self, faults: &R150Faults) {
-        self.faults = faults.within_limits();
+        let before = std::mem::replace(&mut self.faults, faults.within_limits());
+        let but_for_errors = R150Faults {
+            encoder_error: before.encoder_error,
+            ..self.faults
+        };
+        if before == but_for_errors {
+            return;
+        }
         self.slow.battery.missing = self.faults.missing_charge;
         self.body.wake();
         self.solve_network();
@@ -82,21 +90,19 @@ impl R150Plant {
         self.motor_rpm(side) - self.encoder_rpm[side.index()]
     }
 
-    /// Changes what the encoders' interference adds to their readings, rpm.
-    pub fn set_encoder_error(&mut self, error: Sides<f64>) {
-        self.faults.encoder_error = error;
-        self.faults = self.faults.within_limits();
-    }
-
     /// Wires a load to a rail. Power is held within 0–100 kW, resistance above 1 mΩ.
     pub fn set_load(&mut self, rail: Rail, load: Load) {
         self.loads[rail.index()] = bounded(load);
         self.solve_network();
     }
 
-    /// Replaces all that is wrong with a side. Drag is held within 0–100 kN·m.
+    /// Replaces all that is wrong with a side; only a change wakes the vehicle. Drag is held
+    /// within 0–100 kN·m.
     pub fn set_side_faults(&mut self, side: Side, faults: MotorFaults) {
-        self.side_faults[side] = faults.within(1e5);
+        let before = std::mem::replace(&mut self.side_faults[side], faults.within(1e5));
+        if before == self.side_faults[side] {
+            return;
+        }
         if faults.blocked {
             self.drive.gear.stop(side.index());
         }

@@ -1,6 +1,5 @@
 //! Faults that only a mecanum car has, and what all faults together make of its hardware.
 
-use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::mecanum::{ECHOES, MecanumFaults, Port, PortCommand, Ultrasonic, Wheel};
 use rigsim_settings::Length;
 use schemars::JsonSchema;
@@ -322,13 +321,6 @@ fn runs(pins: PortCommand, speed_voltage: f64) -> bool {
     !pins.brake && speed_voltage > 0.0
 }
 
-/// Faults that the car has.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Layer {
-    wheels: [MotorFaults; 4],
-    whole: MecanumFaults,
-}
-
 pub(super) fn no_faults() -> Sum {
     Sum::new(USUAL_DRAG, MecanumFaults::default())
 }
@@ -339,20 +331,11 @@ impl Mecanum {
         let Some(whole) = sum.own::<MecanumFaults>() else {
             return;
         };
-        let layer = Layer {
-            wheels: sum.motors,
-            whole: *whole,
-        };
-        let before = std::mem::replace(&mut self.faults, layer);
         for wheel in Wheel::ALL {
-            let own = sum.motors[wheel.index()];
-            if own != before.wheels[wheel.index()] {
-                self.plant.set_wheel_faults(wheel, own);
-            }
+            self.plant
+                .set_wheel_faults(wheel, sum.motors[wheel.index()]);
         }
-        if *whole != before.whole {
-            self.plant.set_faults(whole);
-        }
+        self.plant.set_faults(whole);
     }
 
     pub(super) fn motor_states(&self) -> [MotorState; 4] {

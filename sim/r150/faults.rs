@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::r150::{FuseId, Load, Pair, R150Faults, R150Plant, Rail, Side, Sides};
 use rigsim_settings::{Percent, Power, Resistance, SimTime, Span, Temperature, Voltage};
 
@@ -207,7 +206,7 @@ struct AtWork {
 
 impl OnHardware for AtWork {
     fn add(&self, sum: &mut Sum) {
-        let Some(Layer { whole, can, .. }) = sum.own_mut::<Layer>() else {
+        let Some(Layer { whole, can }) = sum.own_mut::<Layer>() else {
             return;
         };
         match &self.kind {
@@ -332,8 +331,7 @@ fn is_about(motors: Motors, side: Side) -> bool {
 
 /// Sum of the faults at work that only an R150 has.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Layer {
-    sides: Sides<MotorFaults>,
+struct Layer {
     whole: R150Faults,
     can: Option<CanFailure>,
 }
@@ -345,32 +343,14 @@ pub(super) fn no_faults() -> Sum {
 impl R150 {
     /// Puts all faults in the place of those before, and touches nothing else.
     pub(super) fn set_layer(&mut self, now: SimTime, sum: &Sum) {
-        let Some(own) = sum.own::<Layer>() else {
+        let Some(Layer { whole, can }) = sum.own::<Layer>() else {
             return;
         };
         let [left, right, ..] = sum.motors;
-        let layer = Layer {
-            sides: Sides { right, left },
-            ..own.clone()
-        };
-        let before = std::mem::replace(&mut self.faults, layer);
-        let (layer, plant) = (&self.faults, &mut self.plant);
-        for side in Side::ALL {
-            if layer.sides[side] != before.sides[side] {
-                plant.set_side_faults(side, layer.sides[side]);
-            }
-        }
-        let encoder_error = layer.whole.encoder_error;
-        let but_for_errors = R150Faults {
-            encoder_error,
-            ..before.whole
-        };
-        if layer.whole != but_for_errors {
-            plant.set_faults(&layer.whole);
-        } else if encoder_error != before.whole.encoder_error {
-            plant.set_encoder_error(encoder_error);
-        }
-        self.device.set_can_failure(now, layer.can);
+        self.plant.set_side_faults(Side::Right, right);
+        self.plant.set_side_faults(Side::Left, left);
+        self.plant.set_faults(whole);
+        self.device.set_can_failure(now, *can);
     }
 
     pub(super) fn motor_states(&self) -> [MotorState; 4] {
