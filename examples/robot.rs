@@ -10,7 +10,6 @@
 
 use std::collections::VecDeque;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::time::Duration;
 
 use rigsim_core::SimTime;
@@ -20,7 +19,7 @@ use rigsim_core::device::{
     Begin, Device, DeviceSettings, DeviceSpec, Devices, Effect, EffectError, Form, Framing,
     HostSpec, LinkSpec, OnHardware, Setup, Sum, Tally, Work, effects,
 };
-use rigsim_core::event::{Code, EventKind, PlainEvent, code};
+use rigsim_core::event::{Code, EventKind, code};
 use rigsim_core::mecanum::MECANUM_SPEC;
 use rigsim_core::message::{FieldInfo, MessageInfo, Sender};
 use rigsim_core::r150::R150_SPEC;
@@ -243,7 +242,7 @@ struct Robot {
     /// Number of times that the battery was asked for while cells were dead.
     asked: u64,
     output: VecDeque<Vec<u8>>,
-    events: VecDeque<(SimTime, PlainEvent)>,
+    events: VecDeque<(SimTime, EventKind)>,
 }
 
 impl Robot {
@@ -285,7 +284,7 @@ impl Robot {
     }
 
     fn tell(&mut self, at: SimTime, code: Code, text: String) {
-        self.events.push_back((at, PlainEvent { code, text }));
+        self.events.push_back((at, EventKind::new(code, text)));
     }
 }
 
@@ -337,9 +336,8 @@ impl Device for Robot {
         Some((0, self.output.pop_front()?))
     }
 
-    fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
-        let (at, event) = self.events.pop_front()?;
-        Some((at, Arc::new(event)))
+    fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
+        self.events.pop_front()
     }
 
     fn plant(&self) -> &dyn Plant {

@@ -17,7 +17,6 @@ mod settings;
 
 use std::any::Any;
 use std::fmt;
-use std::sync::Arc;
 use std::time::Duration;
 
 use rigsim_physics::{Plant, Pose, World};
@@ -262,7 +261,7 @@ pub trait Device: Any + Send + Sync {
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)>;
 
     /// The next event and when it happened.
-    fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)>;
+    fn poll_event(&mut self) -> Option<(SimTime, EventKind)>;
 
     /// The machine was late: what waits for the line at `now` may have been sent up to `by` before,
     /// and simulated time stood still for `stood`. Of no concern to firmware that does not judge

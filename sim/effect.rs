@@ -11,7 +11,6 @@
 
 mod body;
 pub(crate) mod defaults;
-mod event;
 mod firmware;
 mod frames;
 mod hands;
@@ -31,7 +30,6 @@ use toml::de::DeValue;
 use crate::device::parameters::LinkName;
 use crate::device::{DeviceSpec, Devices, Effect, EffectInfo, Effects, effects};
 pub use body::BodyFault;
-pub use event::{FaultEvent, FaultPhase};
 pub use firmware::FirmwareFault;
 pub use frames::{Changed, FrameFault, Frames, WrongLength};
 pub use hands::{Hands, Place};

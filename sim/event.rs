@@ -2,10 +2,8 @@
 
 pub mod code;
 
-use std::any::Any;
 use std::borrow::Cow;
 use std::fmt;
-use std::sync::Arc;
 
 use rigsim_settings::SimTime;
 
@@ -14,114 +12,185 @@ pub use code::{Attribution, Code, Level, Role};
 use crate::message::MessageInfo;
 
 /// Something that happened, when and where.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Event {
     /// Time of it.
     pub at: SimTime,
     /// Index of the device in the rig.
     pub device: usize,
     /// Kind and details.
-    pub kind: Arc<dyn EventKind>,
+    pub kind: EventKind,
 }
 
-impl PartialEq for Event {
-    fn eq(&self, other: &Self) -> bool {
-        self.at == other.at && self.device == other.device && self.kind.is_same(&*other.kind)
-    }
-}
-
-/// Event on a line, with a fault, or in a device.
+/// Kind and details of an event on a line, with a fault, or in a device.
 ///
-/// [`fmt::Display`] puts it into words.
-pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
+/// [`fmt::Display`] puts it into words; a message and noise, of which there may be many, only then.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventKind {
+    code: Code,
+    text: Cow<'static, str>,
+    link: Option<usize>,
+    bytes: Option<Vec<u8>>,
+    shows_bytes: bool,
+    message: Option<(&'static MessageInfo, Vec<u8>)>,
+    lost_bytes: u64,
+    is_excused: bool,
+    fault: Option<(String, &'static str)>,
+}
+
+impl EventKind {
+    /// An event with this code, in these words.
+    #[must_use]
+    pub fn new(code: Code, text: impl Into<Cow<'static, str>>) -> Self {
+        Self {
+            code,
+            text: text.into(),
+            link: None,
+            bytes: None,
+            shows_bytes: false,
+            message: None,
+            lost_bytes: 0,
+            is_excused: false,
+            fault: None,
+        }
+    }
+
+    /// A wheel would lift.
+    pub(crate) fn tipping() -> Self {
+        let text = "a wheel would lift: the vehicle would tip over";
+        Self::new(code::TIPPING, text)
+    }
+
+    /// Something became of a fault: its name is that of its step, its id that of the catalogue.
+    pub(crate) fn of_fault(code: Code, name: &str, id: &'static str, what: &str) -> Self {
+        // A name that says nothing new is not said twice.
+        let text = match name == id {
+            true => format!("fault {id} {what}"),
+            false => format!("fault {name} ({id}) {what}"),
+        };
+        let fault = Some((name.to_owned(), id));
+        Self {
+            fault,
+            ..Self::new(code, text)
+        }
+    }
+
+    /// The same about the link with this index.
+    #[must_use]
+    pub fn on(self, link: usize) -> Self {
+        let link = Some(link);
+        Self { link, ..self }
+    }
+
+    /// The same about these bytes of a link.
+    #[must_use]
+    pub fn with(self, link: usize, bytes: Vec<u8>) -> Self {
+        let bytes = Some(bytes);
+        Self { bytes, ..self }.on(link)
+    }
+
+    /// The same about these bytes of a link, which end the words.
+    #[must_use]
+    pub fn showing(self, link: usize, bytes: Vec<u8>) -> Self {
+        let shows_bytes = true;
+        Self {
+            shows_bytes,
+            ..self.with(link, bytes)
+        }
+    }
+
+    /// The same about a message that was understood or sent, with the bytes of its fields and of
+    /// the whole. Its fields end the words.
+    #[must_use]
+    pub fn saying(self, message: &'static MessageInfo, fields: Vec<u8>, bytes: Vec<u8>) -> Self {
+        let link = message.link;
+        let message = Some((message, fields));
+        Self { message, ..self }.with(link, bytes)
+    }
+
+    /// The same; so many bytes were lost.
+    #[must_use]
+    pub fn losing(self, lost_bytes: u64) -> Self {
+        Self { lost_bytes, ..self }
+    }
+
+    /// The same; if it is excused, it is attributed to no party, whatever its code says.
+    #[must_use]
+    pub fn excused(self, is_excused: bool) -> Self {
+        Self { is_excused, ..self }
+    }
+
     /// Returns its name.
-    fn code(&self) -> Code;
+    #[must_use]
+    pub fn code(&self) -> Code {
+        self.code
+    }
 
     /// Returns its part in the counts.
-    fn role(&self) -> Role {
-        self.code().role()
+    #[must_use]
+    pub fn role(&self) -> Role {
+        self.code.role()
     }
 
     /// Returns how much it matters.
-    fn level(&self) -> Level {
+    #[must_use]
+    pub fn level(&self) -> Level {
         self.role().level()
     }
 
     /// Index of the link that it is about, if it is about one.
-    fn link(&self) -> Option<usize> {
-        None
+    #[must_use]
+    pub fn link(&self) -> Option<usize> {
+        self.link
     }
 
     /// The bytes it is about, if it is about bytes.
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        None
+    #[must_use]
+    pub fn bytes(&self) -> Option<&[u8]> {
+        self.bytes.as_deref()
     }
 
     /// The message that was understood or sent, with the bytes of its fields, if it is one.
-    fn message(&self) -> Option<(&'static MessageInfo, Cow<'_, [u8]>)> {
-        None
+    #[must_use]
+    pub fn message(&self) -> Option<(&'static MessageInfo, &[u8])> {
+        let (info, fields) = self.message.as_ref()?;
+        Some((info, fields))
     }
 
     /// Number of bytes that were lost.
-    fn lost_bytes(&self) -> u64 {
-        0
+    #[must_use]
+    pub fn lost_bytes(&self) -> u64 {
+        self.lost_bytes
     }
 
     /// Returns whether it is something that the client did and the protocol forbids, or that is
     /// risky.
-    fn is_client_error(&self) -> bool {
-        self.code().may_be_client_error()
-    }
-}
-
-impl dyn EventKind {
-    /// The event as one of this type, if it is one.
     #[must_use]
-    pub fn get<T: EventKind>(&self) -> Option<&T> {
-        (self as &dyn Any).downcast_ref()
+    pub fn is_client_error(&self) -> bool {
+        self.code.may_be_client_error() && !self.is_excused
+    }
+
+    /// Name and id of the fault that it is about, if it is about one.
+    #[must_use]
+    pub fn fault(&self) -> Option<(&str, &'static str)> {
+        let (name, id) = self.fault.as_ref()?;
+        Some((name, id))
     }
 }
 
-/// Comparison of events of any type; whatever can be compared with its own type has it.
-pub trait Same: Any {
-    /// Returns whether both are of the same type, and equal.
-    fn is_same(&self, other: &dyn Any) -> bool;
-}
-
-impl<T: PartialEq + Any> Same for T {
-    fn is_same(&self, other: &dyn Any) -> bool {
-        other.downcast_ref() == Some(self)
-    }
-}
-
-/// An event that needs no type of its own.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct PlainEvent {
-    /// Code by which it is known.
-    pub code: Code,
-    /// It in words.
-    pub text: String,
-}
-
-impl PlainEvent {
-    /// A wheel would lift.
-    pub(crate) fn tipping() -> Self {
-        Self {
-            code: code::TIPPING,
-            text: "a wheel would lift: the vehicle would tip over".to_owned(),
-        }
-    }
-}
-
-impl EventKind for PlainEvent {
-    fn code(&self) -> Code {
-        self.code
-    }
-}
-
-impl fmt::Display for PlainEvent {
+impl fmt::Display for EventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.text)
+        f.write_str(&self.text)?;
+        if let Some((message, fields)) = self.message() {
+            return match message.is_text() {
+                true => write!(f, " {}", fields.trim_ascii().escape_ascii()),
+                false => message.show(fields).fmt(f),
+            };
+        }
+        match self.bytes() {
+            Some(bytes) if self.shows_bytes => write!(f, " {}", Hex(bytes)),
+            _ => Ok(()),
+        }
     }
 }
 

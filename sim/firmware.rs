@@ -1,19 +1,21 @@
 //! What the firmware of every device has around its program: supply, boot, bugs, and queues of what it
 //! sends and reports.
 
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use rigsim_settings::SimTime;
+use rigsim_settings::{SimTime, show_duration};
 
 use crate::defects::{DefectCounts, Defects};
+use crate::event::{Code, EventKind, code};
 
 /// Most events kept until they are taken; the oldest go first.
 const MOST_EVENTS: usize = 1024;
 
-/// State around a program that sends `O`, reports `E` and has a status `S`.
+/// State around a program that sends `O` and has a status `S`.
 #[derive(Debug, Clone)]
-pub struct Shell<O, E, S> {
+pub struct Shell<O, S> {
     pub(crate) defects: Defects,
     pub(crate) counts: DefectCounts,
     /// The status that is reported in place of the present one.
@@ -25,10 +27,10 @@ pub struct Shell<O, E, S> {
     not_before: SimTime,
     most_outputs: usize,
     output: VecDeque<O>,
-    events: VecDeque<(SimTime, E)>,
+    events: VecDeque<(SimTime, EventKind)>,
 }
 
-impl<O, E, S> Shell<O, E, S> {
+impl<O, S> Shell<O, S> {
     /// A firmware that is up. Of more outputs than these the oldest are lost.
     pub(crate) fn new(most_outputs: usize) -> Self {
         Self {
@@ -50,7 +52,12 @@ impl<O, E, S> Shell<O, E, S> {
         self.output.push_back(output);
     }
 
-    pub(crate) fn report(&mut self, now: SimTime, event: E) {
+    /// Reports an event that is its code and its words.
+    pub(crate) fn tell(&mut self, now: SimTime, code: Code, text: impl Into<Cow<'static, str>>) {
+        self.report(now, EventKind::new(code, text));
+    }
+
+    pub(crate) fn report(&mut self, now: SimTime, event: EventKind) {
         if self.events.len() >= MOST_EVENTS {
             self.events.pop_front();
         }
@@ -68,22 +75,16 @@ impl<O, E, S> Shell<O, E, S> {
 pub trait Firmware {
     /// What it sends.
     type Output;
-    /// What it reports.
-    type Event;
     /// The status that it may no longer update.
     type Status;
-    /// Reports that its supply is gone.
-    const POWER_LOST: Self::Event;
-    /// Reports that it is up.
-    const STARTED: Self::Event;
-    /// Reports that it restarts, and takes so long.
-    const RESET: fn(Duration) -> Self::Event;
+    /// Its name in events, with its article.
+    const NAME: &'static str;
 
     /// Returns the shell.
-    fn shell(&self) -> &Shell<Self::Output, Self::Event, Self::Status>;
+    fn shell(&self) -> &Shell<Self::Output, Self::Status>;
 
     /// Returns the shell, to change.
-    fn shell_mut(&mut self) -> &mut Shell<Self::Output, Self::Event, Self::Status>;
+    fn shell_mut(&mut self) -> &mut Shell<Self::Output, Self::Status>;
 
     /// Returns whether it had a supply when that was last measured.
     fn has_supply(&self) -> bool;
@@ -151,7 +152,7 @@ pub trait Firmware {
     }
 
     /// Takes the next event and when it happened.
-    fn poll_event(&mut self) -> Option<(SimTime, Self::Event)> {
+    fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
         self.shell_mut().events.pop_front()
     }
 
@@ -171,7 +172,7 @@ pub trait Firmware {
             (true, false) => {
                 self.forget();
                 self.shell_mut().boot_due = None;
-                self.shell_mut().report(now, Self::POWER_LOST);
+                self.tell_power_lost(now);
             }
             (false, true) => {
                 self.shell_mut().boot_due = Some(now + boot_time);
@@ -181,12 +182,19 @@ pub trait Firmware {
         }
     }
 
+    /// Reports that its supply is gone.
+    fn tell_power_lost(&mut self, now: SimTime) {
+        let text = format!("{} lost its supply and is silent", Self::NAME);
+        self.shell_mut().tell(now, code::POWER_LOST, text);
+    }
+
     /// Begins the program if it is time.
     fn boot(&mut self, now: SimTime) {
         let boot_due = &mut self.shell_mut().boot_due;
         if boot_due.take_if(|due| *due <= now).is_some() {
             self.start(now);
-            self.shell_mut().report(now, Self::STARTED);
+            let text = format!("{} has started", Self::NAME);
+            self.shell_mut().tell(now, code::STARTED, text);
         }
     }
 
@@ -198,7 +206,9 @@ pub trait Firmware {
         }
         self.forget();
         self.shell_mut().boot_due = Some(now + boot);
-        self.shell_mut().report(now, Self::RESET(boot));
+        let (name, silence) = (Self::NAME, show_duration(boot));
+        let text = format!("{name}'s firmware restarts; it is silent for {silence}");
+        self.shell_mut().tell(now, code::FIRMWARE_RESET, text);
         true
     }
 

@@ -8,7 +8,7 @@ use std::mem::{Discriminant, discriminant};
 use rigsim_settings::{SimTime, choices};
 
 pub use crate::uart::{Adapter, UART_FIFO};
-pub use event::{LineEvent, OnLine};
+pub use event::LineEvent;
 pub use rigsim_settings::ClientLine;
 
 use crate::uart::Inbox;

@@ -2,13 +2,11 @@
 //! [`rigsim_physics::mecanum`].
 
 mod actions;
-pub mod event;
 mod faults;
 mod host;
 mod names;
 mod settings;
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use rigsim_physics::mecanum::{MecanumPlant, MecanumTruth};
@@ -19,11 +17,11 @@ use crate::defects::{DefectCounts, Defects};
 use crate::device::names::COMMON;
 use crate::device::{Device, DeviceSpec, Form, Framing, LinkSpec, MotorState, Setup, Sum, effects};
 use crate::effect;
-use crate::event::{EventKind, PlainEvent};
+use crate::event::EventKind;
 use crate::firmware::Firmware;
 use crate::mecanum_device::ascii::{COMMANDS, REPORTS};
 use crate::mecanum_device::packet::{Request, Status};
-use crate::mecanum_device::{Link, MecanumDevice, OperatorInput, codec};
+use crate::mecanum_device::{Link, MecanumDevice, OperatorInput, codec, event};
 use crate::message::Message;
 use crate::noise::Noise;
 use crate::rig::Rig;
@@ -243,12 +241,11 @@ impl Device for Mecanum {
             .map(|(link, bytes)| (link.index(), bytes))
     }
 
-    fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
-        if let Some((at, event)) = self.device.poll_event() {
-            return Some((at, Arc::new(event)));
-        }
-        let at = self.tipped_at.take()?;
-        Some((at, Arc::new(PlainEvent::tipping())))
+    fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
+        let tipped = |at| (at, EventKind::tipping());
+        self.device
+            .poll_event()
+            .or_else(|| self.tipped_at.take().map(tipped))
     }
 
     fn plant(&self) -> &dyn Plant {

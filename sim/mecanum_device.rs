@@ -19,7 +19,7 @@ pub mod ascii;
 pub mod codec;
 mod defects;
 pub mod encoder;
-mod event;
+pub mod event;
 pub mod kinematics;
 mod locomotion;
 pub mod motion;
@@ -38,9 +38,9 @@ use std::time::Duration;
 use rigsim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS};
 use rigsim_settings::SimTime;
 
+use crate::event::code::OPERATED;
 use crate::firmware::{Firmware, Shell};
 use crate::scanner::Scanner;
-pub use event::{Discard, Field, Handling, MecanumEvent};
 use kinematics::Movement;
 use locomotion::Locomotion;
 use motion::Motion;
@@ -109,7 +109,7 @@ pub struct MecanumDevice {
     heard_seq: u8,
     /// The last tag that was under the reader.
     last_tag: u32,
-    shell: Shell<(Link, Vec<u8>), MecanumEvent, u8>,
+    shell: Shell<(Link, Vec<u8>), u8>,
     /// A link timeout that is out of order has missed its time.
     missed_timeout: bool,
 }
@@ -181,7 +181,7 @@ impl MecanumDevice {
         if was_powered && self.works() {
             let shell = &mut self.shell;
             self.drive.sense(now, &measured.pulses, &mut |change| {
-                shell.report(now, MecanumEvent::Motion(change));
+                shell.report(now, event::motion(change));
             });
             if measured.tag != 0 {
                 self.last_tag = measured.tag;
@@ -192,11 +192,13 @@ impl MecanumDevice {
     /// An operator works the remote control at `now`.
     pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.advance_before(now);
-        self.event(now, MecanumEvent::Operated(action));
+        let text = format!("operator: {action}");
+        self.shell.tell(now, OPERATED, text);
         match action {
             OperatorInput::Press(movement) => {
                 if self.works() && !self.drive.remote {
-                    self.event(now, MecanumEvent::KeyIgnored(movement));
+                    let text = format!("{movement} key has no effect: the board drives");
+                    self.shell.tell(now, event::KEY_IGNORED, text);
                 }
                 self.drive.set_key(now, Some(movement));
             }
@@ -262,25 +264,18 @@ impl MecanumDevice {
         self.heard = now;
         self.missed_timeout = false;
     }
-
-    fn event(&mut self, now: SimTime, event: MecanumEvent) {
-        self.shell.report(now, event);
-    }
 }
 
 impl Firmware for MecanumDevice {
     type Output = (Link, Vec<u8>);
-    type Event = MecanumEvent;
     type Status = u8;
-    const POWER_LOST: MecanumEvent = MecanumEvent::PowerLost;
-    const STARTED: MecanumEvent = MecanumEvent::Started;
-    const RESET: fn(Duration) -> MecanumEvent = |boot| MecanumEvent::Reset { boot };
+    const NAME: &'static str = "the board";
 
-    fn shell(&self) -> &Shell<(Link, Vec<u8>), MecanumEvent, u8> {
+    fn shell(&self) -> &Shell<(Link, Vec<u8>), u8> {
         &self.shell
     }
 
-    fn shell_mut(&mut self) -> &mut Shell<(Link, Vec<u8>), MecanumEvent, u8> {
+    fn shell_mut(&mut self) -> &mut Shell<(Link, Vec<u8>), u8> {
         &mut self.shell
     }
 
@@ -318,7 +313,9 @@ impl Firmware for MecanumDevice {
             self.missed_timeout = true;
             self.shell.counts.watchdog_off += 1;
         } else if timed_out {
-            self.discard(now, Discard::LinkTimeout(now.since(self.heard)));
+            let silence = now.since(self.heard).as_secs_f64() * 1000.0;
+            let why = format!("nothing valid from the client for {silence:.1} ms");
+            self.discard(now, event::LINK_TIMEOUT, &why);
         }
         if self.drive.due().is_some_and(|due| due <= now) {
             self.go_on(now);

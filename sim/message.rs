@@ -215,6 +215,12 @@ impl MessageInfo {
         }
     }
 
+    /// Returns whether it is a line of text.
+    pub(crate) fn is_text(&self) -> bool {
+        let is_word = |field: &FieldInfo| matches!(field.wire, WireType::Decimal { .. });
+        self.fields.iter().any(is_word)
+    }
+
     /// The fields with the offset of each from the first one, in bytes.
     pub fn layout(&self) -> impl Iterator<Item = (usize, &'static FieldInfo)> {
         self.fields.iter().scan(0, |next, field| {

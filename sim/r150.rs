@@ -1,14 +1,12 @@
 //! An R150: the firmware of [`crate::r150_device`] with the hardware of [`rigsim_physics::r150`].
 
 mod actions;
-pub mod event;
 mod faults;
 mod host;
 mod names;
 mod settings;
 mod watch;
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use rigsim_physics::r150::{R150Plant, R150Truth};
@@ -27,7 +25,7 @@ use crate::message::Message;
 use crate::noise::Noise;
 use crate::r150_device::command::{REPLIES, Reply, Request, code};
 use crate::r150_device::vehicle::{OperatorInput, Start};
-use crate::r150_device::{R150Device, codec};
+use crate::r150_device::{R150Device, codec, event};
 use crate::rig::Rig;
 pub use settings::R150Settings;
 use watch::Watch;
@@ -227,11 +225,8 @@ impl Device for R150 {
         self.device.poll_output().map(|frame| (0, frame))
     }
 
-    fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
-        if let Some((at, event)) = self.device.poll_event() {
-            return Some((at, Arc::new(event)));
-        }
-        self.watch.poll()
+    fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
+        self.device.poll_event().or_else(|| self.watch.poll())
     }
 
     fn plant(&self) -> &dyn Plant {

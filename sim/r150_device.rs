@@ -19,7 +19,7 @@ pub mod codec;
 pub mod command;
 pub mod control;
 mod defects;
-mod event;
+pub mod event;
 pub mod group;
 pub mod motors;
 pub mod protection;
@@ -38,6 +38,8 @@ use std::time::Duration;
 use rigsim_physics::r150::{R150Commands, R150Measurements, Sides};
 use rigsim_settings::SimTime;
 
+use crate::event::EventKind;
+use crate::event::code::OPERATED;
 use crate::firmware::{Firmware, Shell};
 use crate::noise::Noise;
 use crate::scanner::Scanner;
@@ -45,7 +47,6 @@ use crate::uart;
 use can::{Can, CanFailure};
 use command::{Reply, SystemInfo};
 use control::{Control, FULL_DUTY};
-pub use event::{R150Event, ValueError};
 use motors::{FULL, Motors};
 use protection::Protection;
 use settings::R150FirmwareSettings;
@@ -78,7 +79,7 @@ pub struct R150Device {
     reply_time: Noise,
     /// Replies with the time at which each begins its way.
     replies: VecDeque<(SimTime, Reply)>,
-    shell: Shell<Vec<u8>, R150Event, SystemInfo>,
+    shell: Shell<Vec<u8>, SystemInfo>,
 }
 
 impl R150Device {
@@ -113,7 +114,7 @@ impl R150Device {
             settings,
         };
         if !measured.module_powered {
-            device.event(SimTime::ZERO, R150Event::PowerLost);
+            device.tell_power_lost(SimTime::ZERO);
         } else if !device.settings.boot_time.is_zero() {
             device.shell.boot_due = Some(SimTime::ZERO + device.settings.boot_time);
         }
@@ -155,8 +156,8 @@ impl R150Device {
             let requested = self.control.outputs.power;
             let shell = &mut self.shell;
             self.protection
-                .sense(now, measured, requested, &mut |event| {
-                    shell.report(now, event)
+                .sense(now, measured, requested, &mut |code, text| {
+                    shell.tell(now, code, text);
                 });
         }
     }
@@ -164,7 +165,8 @@ impl R150Device {
     /// An operator works a button at `now`.
     pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.advance_before(now);
-        self.event(now, R150Event::Operated(action));
+        self.shell
+            .tell(now, OPERATED, format!("operator: {action}"));
         match action {
             OperatorInput::AppHolds(parts) => self.control.app_holds(parts),
             OperatorInput::AppSets(outputs) => self.control.app_sets(outputs),
@@ -259,27 +261,22 @@ impl R150Device {
         let shell = &mut self.shell;
         let requested = self.control.outputs.power;
         self.protection
-            .requested(now, requested, &mut |event| shell.report(now, event));
-    }
-
-    fn event(&mut self, now: SimTime, event: R150Event) {
-        self.shell.report(now, event);
+            .requested(now, requested, &mut |code, text| {
+                shell.tell(now, code, text);
+            });
     }
 }
 
 impl Firmware for R150Device {
     type Output = Vec<u8>;
-    type Event = R150Event;
     type Status = SystemInfo;
-    const POWER_LOST: R150Event = R150Event::PowerLost;
-    const STARTED: R150Event = R150Event::Started;
-    const RESET: fn(Duration) -> R150Event = |boot| R150Event::Reset { boot };
+    const NAME: &'static str = "the module";
 
-    fn shell(&self) -> &Shell<Vec<u8>, R150Event, SystemInfo> {
+    fn shell(&self) -> &Shell<Vec<u8>, SystemInfo> {
         &self.shell
     }
 
-    fn shell_mut(&mut self) -> &mut Shell<Vec<u8>, R150Event, SystemInfo> {
+    fn shell_mut(&mut self) -> &mut Shell<Vec<u8>, SystemInfo> {
         &mut self.shell
     }
 
@@ -305,7 +302,8 @@ impl Firmware for R150Device {
         self.decoder.expire(now, &mut |decoded| found.push(decoded));
         self.handle(now, found);
         if self.control.expire(now, &self.settings) {
-            self.event(now, R150Event::HeartbeatLost);
+            let text = "heartbeat lost: no valid frame in time, control went back to the app";
+            self.shell.tell(now, event::HEARTBEAT_LOST, text);
             self.power_requested(now);
         }
         if self.shell.defects.watchdog_off {
@@ -313,22 +311,20 @@ impl Firmware for R150Device {
             self.shell.counts.watchdog_off += u64::from(missed);
         } else if let Some([right, left]) = self.motors.expire(now) {
             let driving = self.vehicle.obstacles(self.battery_empty()).is_empty();
-            self.event(
-                now,
-                R150Event::WatchdogFired {
-                    right,
-                    left,
-                    driving,
-                },
+            let text = format!(
+                "motor watchdog fired: no motor command in time, motors stopped (were right \
+                 {right} left {left})"
             );
+            let fired = EventKind::new(event::WATCHDOG_FIRED, text);
+            self.shell.report(now, fired.excused(!driving));
         }
         if self.motors.take_answer(now) {
             self.send_held_reply(now);
         }
         let shell = &mut self.shell;
         self.protection
-            .advance(now, self.control.outputs.power, &mut |event| {
-                shell.report(now, event);
+            .advance(now, self.control.outputs.power, &mut |code, text| {
+                shell.tell(now, code, text);
             });
         self.send_due(now);
     }

@@ -1,6 +1,5 @@
 //! Counts of what happened in a run: the summary, and the client report.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use rigsim_settings::SimTime;
@@ -57,7 +56,7 @@ impl Report {
                 count: 0,
                 first_at: event.at,
                 first: kind.to_string(),
-                bytes: kind.bytes().map(Cow::into_owned),
+                bytes: kind.bytes().map(<[u8]>::to_vec),
                 lost_bytes: 0,
                 client_errors: 0,
                 is_damage: kind.role() == Role::Damage,

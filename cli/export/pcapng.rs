@@ -7,7 +7,6 @@ use std::io::{self, Write as _};
 
 use rigsim_core::SimTime;
 use rigsim_core::device::host;
-use rigsim_core::effect::FaultEvent;
 use rigsim_core::event::Event;
 use rigsim_core::message::Sender;
 use rigsim_core::rig::PortId;
@@ -170,7 +169,7 @@ impl Pcapng {
 
     fn event(&mut self, event: &Event) {
         let kind = &event.kind;
-        let is_fault = kind.get::<FaultEvent>().is_some();
+        let is_fault = kind.fault().is_some();
         if !is_fault && !kind.is_client_error() {
             return;
         }

@@ -92,7 +92,7 @@ impl Words {
             "level": kind.level().as_str(),
             "code": kind.code().as_str(),
             "text": kind.to_string(),
-            "bytes": kind.bytes().map(|bytes| Hex(&bytes).to_string()),
+            "bytes": kind.bytes().map(|bytes| Hex(bytes).to_string()),
         })
     }
 
@@ -109,7 +109,7 @@ impl Words {
 fn text_and_bytes(event: &Event) -> (String, String) {
     let text = event.kind.to_string();
     let bytes = event.kind.bytes();
-    let bytes = bytes.map_or_else(String::new, |bytes| Hex(&bytes).to_string());
+    let bytes = bytes.map_or_else(String::new, |bytes| Hex(bytes).to_string());
     let shown = match text.contains(&bytes) {
         true => String::new(),
         false => format!("  | {bytes}"),

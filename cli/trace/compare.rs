@@ -174,7 +174,7 @@ impl Onlooker for Events {
             device: event.device,
             code: event.kind.code().as_str(),
             text: event.kind.to_string(),
-            bytes: event.kind.bytes().map(std::borrow::Cow::into_owned),
+            bytes: event.kind.bytes().map(<[u8]>::to_vec),
             line: self.words.plain(event),
         });
     }

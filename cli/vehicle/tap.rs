@@ -3,19 +3,16 @@
 //! The vehicle's port is open while the client has its own open, set as the client has set it. When the
 //! vehicle is unplugged, the client's port hangs up; it is there again when the vehicle is.
 
-use std::borrow::Cow;
 use std::collections::VecDeque;
-use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::device::host::{FrameReader, Sender};
-use rigsim_core::event::{Code, Event, EventKind, PlainEvent, code};
-use rigsim_core::line::{ClientLine, LineEvent, OnLine};
+use rigsim_core::event::{Code, Event, EventKind, code};
+use rigsim_core::line::{ClientLine, LineEvent};
 use rigsim_pty::{Event as PortEvent, Port, PortError, PtySetup, Waiter};
 use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 use serde_json::json;
@@ -193,11 +190,11 @@ impl Out {
         }
     }
 
-    fn event(&self, t: u64, kind: impl EventKind) {
+    fn event(&self, t: u64, kind: EventKind) {
         self.log.event(Event {
             at: SimTime::from_nanos(t),
             device: 0,
-            kind: Arc::new(kind),
+            kind,
         });
     }
 
@@ -210,7 +207,7 @@ impl Out {
             code: code.as_str().into(),
             text: text.clone(),
         });
-        self.event(t, PlainEvent { code, text });
+        self.event(t, EventKind::new(code, text));
     }
 }
 
@@ -409,8 +406,7 @@ impl Link {
     }
 
     fn tell(&self, out: &Out, t: u64, event: LineEvent) {
-        let link = self.index;
-        out.event(t, OnLine { link, event });
+        out.event(t, event.on(self.index));
     }
 
     fn record(&mut self, out: &mut Out, t: u64, sender: Sender, bytes: &[u8]) {
@@ -433,13 +429,12 @@ impl Link {
         let reader = &mut readers[usize::from(sender == Sender::Device)];
         for byte in bytes {
             for frame in reader.push(SimTime::from_nanos(t), *byte) {
-                let passed = Passed {
-                    link: self.index,
-                    sender,
-                    text: frame.show(),
-                    bytes: frame.bytes,
+                let code = match sender {
+                    Sender::Client => code::REQUEST,
+                    Sender::Device => code::REPLY,
                 };
-                out.event(t, passed);
+                let passed = EventKind::new(code, frame.show());
+                out.event(t, passed.with(self.index, frame.bytes));
             }
         }
     }
@@ -482,36 +477,4 @@ fn write(port: Option<&mut Port>, waiting: &mut VecDeque<u8>) -> Result<(), Port
     let accepted = port.write(&bytes[..most])?;
     waiting.drain(..accepted);
     Ok(())
-}
-
-/// A message that has passed.
-#[derive(Debug, PartialEq)]
-struct Passed {
-    link: usize,
-    sender: Sender,
-    text: String,
-    bytes: Vec<u8>,
-}
-
-impl EventKind for Passed {
-    fn code(&self) -> Code {
-        match self.sender {
-            Sender::Client => code::REQUEST,
-            Sender::Device => code::REPLY,
-        }
-    }
-
-    fn link(&self) -> Option<usize> {
-        Some(self.link)
-    }
-
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        Some(Cow::Borrowed(&self.bytes))
-    }
-}
-
-impl fmt::Display for Passed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.text)
-    }
 }

@@ -44,7 +44,7 @@ impl Counters {
                 self.last_motion = Some((event.at, distance_m));
                 self.motion_requests += 1;
             }
-            for (field, numbers) in message.values(&payload) {
+            for (field, numbers) in message.values(payload) {
                 self.fields.extend(field.named_values(&numbers));
             }
             self.messages.insert(message.age, event.at);

@@ -5,7 +5,6 @@ use std::fmt;
 
 use rigsim_settings::Settings;
 
-use crate::event::Same;
 use crate::line::Adapter;
 
 /// The settings of one device, all in one tree.
@@ -30,6 +29,18 @@ impl dyn DeviceSettings {
     /// The settings as those of this type, if they are.
     pub fn get_mut<T: DeviceSettings>(&mut self) -> Option<&mut T> {
         (self as &mut dyn Any).downcast_mut()
+    }
+}
+
+/// Comparison of settings of any type; whatever can be compared with its own type has it.
+pub trait Same: Any {
+    /// Returns whether both are of the same type, and equal.
+    fn is_same(&self, other: &dyn Any) -> bool;
+}
+
+impl<T: PartialEq + Any> Same for T {
+    fn is_same(&self, other: &dyn Any) -> bool {
+        other.downcast_ref() == Some(self)
     }
 }
 

@@ -21,7 +21,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::*;
 use crate::device::{EffectError, EffectHandle};
-use crate::event::Event;
+use crate::event::{Event, EventKind};
 use crate::line::Wire;
 use crate::mecanum::{Mecanum, MecanumSettings};
 use crate::mecanum_device::codec as packets;
@@ -268,21 +268,16 @@ fn status(rig: &mut Rig) -> Status {
 }
 
 /// What was reported of faults.
-fn phases(rig: &mut Rig) -> Vec<FaultPhase> {
+fn phases(rig: &mut Rig) -> Vec<EventKind> {
     std::iter::from_fn(|| rig.poll_event())
-        .filter_map(|event| Some(event.kind.get::<FaultEvent>()?.phase.clone()))
+        .map(|event| event.kind)
+        .filter(|event| event.fault().is_some())
         .collect()
 }
 
-fn words(phases: &[FaultPhase]) -> Vec<&'static str> {
-    phases
-        .iter()
-        .map(|phase| match phase {
-            FaultPhase::Armed => "armed",
-            FaultPhase::Triggered { .. } => "triggered",
-            FaultPhase::Cleared => "cleared",
-        })
-        .collect()
+fn words(phases: &[EventKind]) -> Vec<&'static str> {
+    let codes = phases.iter().map(|event| event.code().as_str());
+    codes.map(|code| &code["fault_".len()..]).collect()
 }
 
 /// The least that each fault needs as parameters, and enough of it for a short test.

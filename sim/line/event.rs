@@ -1,10 +1,10 @@
 //! Events of a line.
 
-use std::fmt;
+use std::borrow::Cow;
 use std::time::Duration;
 
 use super::MOST_IN_FLIGHT;
-use crate::event::{Code, EventKind, code};
+use crate::event::{EventKind, code};
 
 /// Something that happened on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,123 +75,107 @@ pub enum LineEvent {
     },
 }
 
-/// Something that happened on a line of a device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct OnLine {
-    /// Index of the link on the device.
-    pub link: usize,
-    /// Details.
-    pub event: LineEvent,
-}
-
-impl EventKind for OnLine {
-    fn code(&self) -> Code {
-        match self.event {
-            LineEvent::Attached => code::CLIENT_ATTACHED,
-            LineEvent::Detached => code::CLIENT_DETACHED,
-            LineEvent::BaudMismatch { .. } => code::BAUD_MISMATCH,
-            LineEvent::BaudMatched { .. } => code::BAUD_MATCHED,
-            LineEvent::NotRaw => code::LINE_NOT_RAW,
-            LineEvent::StopBits { .. } => code::STOP_BITS,
-            LineEvent::ModemLines { .. } => code::MODEM_LINES,
-            LineEvent::Parity => code::PARITY,
-            LineEvent::FlowControl => code::FLOW_CONTROL,
-            LineEvent::HungUp => code::HUNG_UP,
-            LineEvent::SentTooMuch { .. } => code::SENT_TOO_MUCH,
-            LineEvent::SimulatorStalled { .. } => code::SIMULATOR_STALLED,
-            LineEvent::SimulatorTooSlow => code::SIMULATOR_TOO_SLOW,
-            LineEvent::BadPublication { .. } => code::BAD_PUBLICATION,
-            LineEvent::Overrun { .. } => code::OVERRUN,
-            LineEvent::ReplyDropped { .. } => code::LINE_FULL,
-        }
-    }
-
-    fn link(&self) -> Option<usize> {
-        Some(self.link)
-    }
-
-    fn lost_bytes(&self) -> u64 {
-        match self.event {
-            LineEvent::SentTooMuch { bytes } | LineEvent::ReplyDropped { bytes } => {
-                u64::try_from(bytes).unwrap_or(u64::MAX)
-            }
-            LineEvent::Overrun { bytes } => bytes,
+impl LineEvent {
+    /// Returns it as an event on the device's link with this index.
+    #[must_use]
+    pub fn on(self, link: usize) -> EventKind {
+        let lost = match self {
+            Self::SentTooMuch { bytes } | Self::ReplyDropped { bytes } => bytes as u64,
+            Self::Overrun { bytes } => bytes,
             _ => 0,
-        }
-    }
-}
-
-impl fmt::Display for OnLine {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.event.fmt(f)
-    }
-}
-
-impl fmt::Display for LineEvent {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Attached => f.write_str("client attached"),
-            Self::Detached => f.write_str("client detached"),
-            Self::BaudMismatch { client, device } => write!(
-                f,
-                "baud mismatch: the client has set {client} baud, the device runs at {device}; \
-                 bytes are garbled both ways, open the port at {device} baud"
+        };
+        let (code, text): (_, Cow<'static, str>) = match self {
+            Self::Attached => (code::CLIENT_ATTACHED, "client attached".into()),
+            Self::Detached => (code::CLIENT_DETACHED, "client detached".into()),
+            Self::BaudMismatch { client, device } => (
+                code::BAUD_MISMATCH,
+                format!(
+                    "baud mismatch: the client has set {client} baud, the device runs at {device}; \
+                     bytes are garbled both ways, open the port at {device} baud"
+                )
+                .into(),
             ),
-            Self::BaudMatched { baud } => write!(f, "baud mismatch ended: both run at {baud}"),
-            Self::NotRaw => f.write_str(
+            Self::BaudMatched { baud } => (
+                code::BAUD_MATCHED,
+                format!("baud mismatch ended: both run at {baud}").into(),
+            ),
+            Self::NotRaw => (
+                code::LINE_NOT_RAW,
                 "the client's port is not raw: replies are echoed back as requests or changed on \
-                 the way; open it raw (`stty -F PATH raw -echo`; pyserial does so by itself)",
+                 the way; open it raw (`stty -F PATH raw -echo`; pyserial does so by itself)"
+                    .into(),
             ),
-            Self::StopBits { client } => write!(
-                f,
-                "the client has set {client} stop bits, the device uses 1; open the port with 1"
+            Self::StopBits { client } => (
+                code::STOP_BITS,
+                format!(
+                    "the client has set {client} stop bits, the device uses 1; open the port with 1"
+                )
+                .into(),
             ),
             Self::ModemLines { dtr, rts } => {
-                let word = |set| if set { "on" } else { "off" };
-                write!(
-                    f,
-                    "the client has set DTR {} and RTS {}",
-                    word(*dtr),
-                    word(*rts)
+                let [dtr, rts] = [dtr, rts].map(|set| if set { "on" } else { "off" });
+                (
+                    code::MODEM_LINES,
+                    format!("the client has set DTR {dtr} and RTS {rts}").into(),
                 )
             }
-            Self::Parity => f.write_str(
+            Self::Parity => (
+                code::PARITY,
                 "the client asks for a parity bit, the device sends none: on the cable every byte \
-                 would be an error; open the port without parity (8N1)",
+                 would be an error; open the port without parity (8N1)"
+                    .into(),
             ),
-            Self::FlowControl => f.write_str(
+            Self::FlowControl => (
+                code::FLOW_CONTROL,
                 "the client waits for CTS before it sends (CRTSCTS): on a cable of three wires it \
-                 never comes, and not a byte goes out; open the port without RTS/CTS flow control",
+                 never comes, and not a byte goes out; open the port without RTS/CTS flow control"
+                    .into(),
             ),
-            Self::HungUp => f.write_str(
+            Self::HungUp => (
+                code::HUNG_UP,
                 "the client has set its speed to 0, which hangs up: nothing passes until it sets \
-                 another",
+                 another"
+                    .into(),
             ),
-            Self::SentTooMuch { bytes } => write!(
-                f,
-                "{bytes} bytes lost: the client sent more than {MOST_IN_FLIGHT} bytes ahead"
+            Self::SentTooMuch { bytes } => (
+                code::SENT_TOO_MUCH,
+                format!(
+                    "{bytes} bytes lost: the client sent more than {MOST_IN_FLIGHT} bytes ahead"
+                )
+                .into(),
             ),
-            Self::SimulatorStalled { by } => write!(
-                f,
-                "the machine was busy and stalled the simulator for {} ms; simulated time stood \
-                 still meanwhile",
-                by.as_millis()
+            Self::SimulatorStalled { by } => (
+                code::SIMULATOR_STALLED,
+                format!(
+                    "the machine was busy and stalled the simulator for {} ms; simulated time \
+                     stood still meanwhile",
+                    by.as_millis()
+                )
+                .into(),
             ),
-            Self::SimulatorTooSlow => f.write_str(
+            Self::SimulatorTooSlow => (
+                code::SIMULATOR_TOO_SLOW,
                 "the machine cannot keep up: simulated time runs slower than asked for; lower \
-                 --speed or take longer steps",
+                 --speed or take longer steps"
+                    .into(),
             ),
-            Self::BadPublication { why } => {
-                write!(f, "a line that the client published is not used: {why}")
-            }
-            Self::Overrun { bytes } => {
-                write!(f, "{bytes} bytes lost: the client does not read its port")
-            }
-            Self::ReplyDropped { bytes } => write!(
-                f,
-                "{bytes} bytes of replies dropped, the oldest first: requests come faster than the line \
-                 carries replies"
+            Self::BadPublication { why } => (
+                code::BAD_PUBLICATION,
+                format!("a line that the client published is not used: {why}").into(),
             ),
-        }
+            Self::Overrun { bytes } => (
+                code::OVERRUN,
+                format!("{bytes} bytes lost: the client does not read its port").into(),
+            ),
+            Self::ReplyDropped { bytes } => (
+                code::LINE_FULL,
+                format!(
+                    "{bytes} bytes of replies dropped, the oldest first: requests come faster than \
+                     the line carries replies"
+                )
+                .into(),
+            ),
+        };
+        EventKind::new(code, text).on(link).losing(lost)
     }
 }

@@ -1,116 +1,83 @@
-//! Events in the mecanum car that a developer wants to know of.
+//! Events of a mecanum car that a developer wants to know of.
 
-use std::time::Duration;
-
-use super::OperatorInput;
-use super::ascii::{self, LineError};
-use super::kinematics::Movement;
-use super::motion::{Change, Motion};
-use super::packet::{Request, Status};
-use super::settings::{ByteOrder, OverSpeed};
+use super::Link;
+use super::ascii::{HIGHEST, LOWEST, LineError};
+use super::motion::Change;
+use crate::event::{EventKind, code};
 use crate::scanner::Decoded;
 
-/// A field of a request that has few legal values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Field {
-    /// `is_reset`, 0 or 1.
-    IsReset,
-    /// `moving_idx`, 0 to 4.
-    MovingIdx,
-    /// `controll_type`, 0 or 1.
-    ControlType,
-}
-
-/// Treatment of a value that the protocol does not know.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Handling {
-    /// The packet was ignored.
-    Ignored,
-    /// It was taken for this value.
-    TakenFor(u8),
-}
-
-/// Reason for which motions were discarded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Discard {
-    /// Another one preempted them.
-    Preempted,
-    /// The control mode changed.
-    ControlMode,
-    /// The link timed out after this silence.
-    LinkTimeout(Duration),
-}
-
-/// Something that happened on the board.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub enum MecanumEvent {
-    /// A request was understood on the main link, where bytes have this order.
-    Request(Request, ByteOrder),
-    /// A command was understood on the ROS link.
-    Command(ascii::Command),
-    /// A status packet began its way to the client of the main link.
-    Status(Status, ByteOrder),
-    /// A report line began its way to the client of the ROS link.
-    Report(ascii::Report),
-    /// The main link's stream held something that is no packet.
-    BadStream(Decoded),
-    /// A line on the ROS link is no command, or not a good one.
-    BadLine {
-        /// Error of it.
-        error: LineError,
-        /// The line without its end.
-        bytes: Vec<u8>,
-    },
-    /// A speed was outside ±500.
-    SpeedOutOfRange {
-        /// As the client sent it, 1/10 r/min.
-        v: i16,
-        /// Treatment of it.
-        handling: OverSpeed,
-    },
-    /// A field of a request has a value that the protocol does not know.
-    BadField {
-        /// Field.
-        field: Field,
-        /// Value in it.
-        value: u8,
-        /// Treatment of it.
-        handling: Handling,
-    },
-    /// A motion was lost because too many wait.
-    QueueFull(Motion),
+crate::codes! {
+    /// A packet was begun and not finished.
+    PARTIAL_PACKET = "partial_packet", Warning, ClientUnlessDisturbed;
+    /// A line that is no command.
+    BAD_LINE = "bad_line", Warning, ClientUnlessDisturbed;
+    /// A line with a number out of range.
+    BAD_NUMBER = "bad_number", Warning, ClientUnlessDisturbed;
+    /// A line without an end.
+    LINE_TOO_LONG = "line_too_long", Warning, ClientUnlessDisturbed;
+    /// A speed out of range.
+    SPEED_CLAMPED = "speed_clamped", Warning, ClientUnlessDisturbed;
+    /// A speed out of range that was not clamped.
+    SPEED_OUT_OF_RANGE = "speed_out_of_range", Warning, ClientUnlessDisturbed;
+    /// `is_reset` is neither 0 nor 1.
+    BAD_IS_RESET = "bad_is_reset", Warning, ClientUnlessDisturbed;
+    /// `moving_idx` is unknown.
+    BAD_MOVING_IDX = "bad_moving_idx", Warning, ClientUnlessDisturbed;
+    /// The control type is unknown.
+    BAD_CONTROL_TYPE = "bad_control_type", Warning, ClientUnlessDisturbed;
+    /// A motion was refused because too many wait.
+    QUEUE_FULL = "queue_full", Warning, ClientUnlessLate;
     /// A motion was ignored because the remote control drives.
-    IgnoredInRemote(Motion),
-    /// A motion on the main link was ignored because the ROS link drives.
-    IgnoredForRos(Motion),
-    /// A motion began or ended.
-    Motion(Change),
-    /// Motions that ran or waited were discarded.
-    Discarded {
-        /// Number of motions.
-        count: usize,
-        /// Reason.
-        why: Discard,
-    },
-    /// The control mode changed.
-    ControlMode {
-        /// The remote control drives; the board otherwise.
-        remote: bool,
-    },
-    /// An operator pressed a button.
-    Operated(OperatorInput),
-    /// A key has no effect because the board drives.
-    KeyIgnored(Movement),
-    /// The board lost its supply.
-    PowerLost,
-    /// The firmware restarts by itself.
-    Reset {
-        /// Time that it takes.
-        boot: Duration,
-    },
-    /// The board has started.
-    Started,
+    IGNORED_IN_REMOTE = "ignored_in_remote", Warning, Client;
+    /// A motion was ignored because the other link drives.
+    IGNORED_FOR_ROS = "ignored_for_ros", Warning, Client;
+    /// A motion began.
+    MOTION_STARTED = "motion_started", Notice, NoParty;
+    /// A motion came to its end.
+    MOTION_DONE = "motion_done", Notice, NoParty;
+    /// The link timed out.
+    LINK_TIMEOUT = "link_timeout", Warning, ClientUnlessDisturbedOrLate;
+    /// Motions were discarded.
+    MOTIONS_DISCARDED = "motions_discarded", Notice, NoParty;
+    /// Change of who drives.
+    CONTROL_MODE = "control_mode", Notice, NoParty;
+    /// A key that does nothing now.
+    KEY_IGNORED = "key_ignored", Warning, NoParty;
+}
+
+/// The main link's stream held something that is no packet.
+pub(super) fn bad_stream(found: Decoded) -> EventKind {
+    let (code, text, bytes) = match found {
+        Decoded::Partial(bytes) => (
+            PARTIAL_PACKET,
+            "incomplete packet dropped after a pause:",
+            bytes,
+        ),
+        Decoded::Noise(bytes) | Decoded::Frame(bytes) | Decoded::Wrong(bytes) => {
+            (code::NOISE, "bytes that begin no packet:", bytes)
+        }
+    };
+    EventKind::new(code, text).showing(Link::Main.index(), bytes)
+}
+
+/// A line on the ROS link is no command, or not a good one; `line` is without its end.
+pub(super) fn bad_line(error: LineError, line: Vec<u8>) -> EventKind {
+    let (code, why) = match error {
+        LineError::Malformed => (
+            BAD_LINE,
+            "one of X, Y, Z, A, B and a whole number are wanted".to_owned(),
+        ),
+        LineError::OutOfRange => (BAD_NUMBER, format!("{LOWEST} to {HIGHEST} is allowed")),
+        LineError::TooLong => (LINE_TOO_LONG, format!("{} bytes are allowed", line.len())),
+    };
+    let text = format!("line `{}` ignored: {why}", line.escape_ascii());
+    EventKind::new(code, text).with(Link::Ros.index(), line)
+}
+
+/// A motion began or ended.
+pub(super) fn motion(change: Change) -> EventKind {
+    match change {
+        Change::Started(motion) => EventKind::new(MOTION_STARTED, format!("{motion} started")),
+        Change::Done(motion) => EventKind::new(MOTION_DONE, format!("{motion} done")),
+    }
 }

@@ -3,11 +3,8 @@
 //! The article does not state the byte order. Little-endian is our assumption, and what the types
 //! here read and write; [`codec`] makes the other of it.
 
-use std::fmt;
-
 use super::codec;
 use super::settings::ByteOrder;
-use crate::message::Message;
 
 crate::messages! {
     /// Packet of a client to the board. Fields are as on the wire; what is out of range is the
@@ -112,13 +109,6 @@ macro_rules! packets {
                 let mut bytes = self.encode();
                 codec::reorder::<Self>(&mut bytes, order);
                 bytes
-            }
-        }
-
-        impl fmt::Display for $packet {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                let info = self.info();
-                write!(f, "{}{}", info.name, info.show(&self.payload()))
             }
         }
     )* };

@@ -4,36 +4,39 @@ use rigsim_settings::SimTime;
 
 use super::ascii::{Command, Letter, Line};
 use super::codec;
-use super::event::{Discard, Field, Handling, MecanumEvent};
+use super::event;
 use super::kinematics::{Course, Movement};
 use super::motion::Motion;
 use super::packet::Request;
 use super::settings::{
     Acknowledge, AsciiLetters, ModeChange, OrdersWithRos, OverSpeed, PositiveStrafe, PositiveTurn,
 };
-use super::{MAX_SPEED, MecanumDevice};
+use super::{Link, MAX_SPEED, MecanumDevice};
+use crate::event::code::REQUEST;
+use crate::event::{Code, EventKind};
+use crate::message::Message;
 use crate::scanner::Decoded;
 
 impl MecanumDevice {
     /// Handles what the decoder of the main link has found.
     pub(super) fn handle(&mut self, now: SimTime, found: Vec<Decoded>) {
         for decoded in found {
-            let request = match &decoded {
-                Decoded::Frame(packet) => codec::parse(packet, self.settings.byte_order),
-                _ => None,
-            };
-            match request {
-                Some(request) => self.request(now, request),
-                None => self.event(now, MecanumEvent::BadStream(decoded)),
+            if let Decoded::Frame(packet) = &decoded
+                && let Some(request) = codec::parse(packet, self.settings.byte_order)
+            {
+                self.request(now, request, packet.clone());
+            } else {
+                self.shell.report(now, event::bad_stream(decoded));
             }
         }
     }
 
-    fn request(&mut self, now: SimTime, request: Request) {
+    fn request(&mut self, now: SimTime, request: Request, packet: Vec<u8>) {
         self.heard_seq = request.seq();
         self.hear(now);
-        let order = self.settings.byte_order;
-        self.event(now, MecanumEvent::Request(request, order));
+        let info = request.info();
+        let event = EventKind::new(REQUEST, info.name).saying(info, request.payload(), packet);
+        self.shell.report(now, event);
         match request {
             Request::Motion {
                 is_reset,
@@ -61,13 +64,16 @@ impl MecanumDevice {
 
     fn motion_packet(&mut self, now: SimTime, is_reset: u8, moving_idx: u8, s: u16, v: i16) {
         let Some(course) = Course::from_index(moving_idx) else {
-            self.bad_field(now, Field::MovingIdx, moving_idx, Handling::Ignored);
+            let text =
+                format!("moving_idx {moving_idx} ignored with its packet: 0 to 4 is allowed");
+            self.tell_main(now, event::BAD_MOVING_IDX, text);
             return;
         };
         // As C takes any number but 0 for true.
         let preempt = is_reset != 0;
         if is_reset > 1 {
-            self.bad_field(now, Field::IsReset, is_reset, Handling::TakenFor(1));
+            let text = format!("is_reset {is_reset} taken for 1: 0 and 1 are allowed");
+            self.tell_main(now, event::BAD_IS_RESET, text);
         }
         let Some(speed) = self.speed_in_range(now, v) else {
             return;
@@ -78,7 +84,8 @@ impl MecanumDevice {
             speed_rpm: f64::from(speed) / 10.0,
         };
         if self.ros_configured && self.settings.orders_with_ros == OrdersWithRos::RosOnly {
-            self.event(now, MecanumEvent::IgnoredForRos(motion));
+            let text = format!("{motion} ignored: the ROS link drives");
+            self.tell_main(now, event::IGNORED_FOR_ROS, text);
             return;
         }
         self.order(now, motion, preempt);
@@ -91,18 +98,20 @@ impl MecanumDevice {
         if speed <= most {
             return Some(speed);
         }
-        let handling = self.settings.over_speed;
-        self.event(now, MecanumEvent::SpeedOutOfRange { v, handling });
-        match handling {
-            OverSpeed::Clamp => Some(most),
-            OverSpeed::Obey => Some(speed),
-            OverSpeed::Ignore => None,
-        }
+        let (code, made_of_it, taken) = match self.settings.over_speed {
+            OverSpeed::Clamp => (event::SPEED_CLAMPED, "clamped", Some(most)),
+            OverSpeed::Obey => (event::SPEED_OUT_OF_RANGE, "taken as it is", Some(speed)),
+            OverSpeed::Ignore => (event::SPEED_OUT_OF_RANGE, "ignored with its motion", None),
+        };
+        let text = format!("speed {v} {made_of_it}: -{MAX_SPEED} to {MAX_SPEED} is allowed");
+        self.tell_main(now, code, text);
+        taken
     }
 
     fn control_mode_packet(&mut self, now: SimTime, mode: u8) {
         if mode > 1 {
-            self.bad_field(now, Field::ControlType, mode, Handling::Ignored);
+            let text = format!("control type {mode} ignored with its packet: 0 and 1 are allowed");
+            self.tell_main(now, event::BAD_CONTROL_TYPE, text);
         } else {
             self.control_mode(now, mode == 1);
         }
@@ -113,10 +122,13 @@ impl MecanumDevice {
         match line {
             Line::Command(command) => {
                 self.hear(now);
-                self.event(now, MecanumEvent::Command(command));
+                let line = command.encode();
+                let event = EventKind::new(REQUEST, "line");
+                let event = event.saying(command.info(), line.clone(), line);
+                self.shell.report(now, event);
                 self.command(now, command);
             }
-            Line::Bad { error, bytes } => self.event(now, MecanumEvent::BadLine { error, bytes }),
+            Line::Bad { error, bytes } => self.shell.report(now, event::bad_line(error, bytes)),
         }
     }
 
@@ -146,14 +158,16 @@ impl MecanumDevice {
 
     fn order(&mut self, now: SimTime, motion: Motion, preempt: bool) {
         if self.drive.remote {
-            self.event(now, MecanumEvent::IgnoredInRemote(motion));
+            let text = format!("{motion} ignored: the remote control drives");
+            self.shell.tell(now, event::IGNORED_IN_REMOTE, text);
             return;
         }
         if preempt {
             let count = self.drive.motions.preempt(motion);
-            self.discarded(now, count, Discard::Preempted);
+            self.discarded(now, count, event::MOTIONS_DISCARDED, "another preempts");
         } else if let Some(lost) = self.drive.motions.append(motion) {
-            self.event(now, MecanumEvent::QueueFull(lost));
+            let text = format!("{lost} lost: too many motions wait");
+            self.shell.tell(now, event::QUEUE_FULL, text);
         }
         self.go_on(now);
     }
@@ -162,7 +176,7 @@ impl MecanumDevice {
     pub(super) fn go_on(&mut self, now: SimTime) {
         let shell = &mut self.shell;
         self.drive.go_on(now, &mut |change| {
-            shell.report(now, MecanumEvent::Motion(change));
+            shell.report(now, event::motion(change));
         });
     }
 
@@ -171,38 +185,42 @@ impl MecanumDevice {
             return;
         }
         if remote && self.settings.mode_change == ModeChange::Discard {
-            self.discard(now, Discard::ControlMode);
+            let why = "the control mode changed";
+            self.discard(now, event::MOTIONS_DISCARDED, why);
         }
-        self.event(now, MecanumEvent::ControlMode { remote });
+        let text = match remote {
+            true => "the remote control drives",
+            false => "the board drives",
+        };
+        self.shell.tell(now, event::CONTROL_MODE, text);
         if !remote {
             // The silence of a client counts from when its motions drive again.
             self.hear(now);
         }
         let shell = &mut self.shell;
         self.drive.set_remote(now, remote, &mut |change| {
-            shell.report(now, MecanumEvent::Motion(change));
+            shell.report(now, event::motion(change));
         });
     }
 
     /// Discards all motions.
-    pub(super) fn discard(&mut self, now: SimTime, why: Discard) {
+    pub(super) fn discard(&mut self, now: SimTime, code: Code, why: &str) {
         let count = self.drive.discard(now);
-        self.discarded(now, count, why);
+        self.discarded(now, count, code, why);
     }
 
-    fn discarded(&mut self, now: SimTime, count: usize, why: Discard) {
+    fn discarded(&mut self, now: SimTime, count: usize, code: Code, why: &str) {
         if count > 0 {
-            self.event(now, MecanumEvent::Discarded { count, why });
+            let motions = if count == 1 { "motion" } else { "motions" };
+            let text = format!("{count} {motions} discarded: {why}");
+            self.shell.tell(now, code, text);
         }
     }
 
-    fn bad_field(&mut self, now: SimTime, field: Field, value: u8, handling: Handling) {
-        let event = MecanumEvent::BadField {
-            field,
-            value,
-            handling,
-        };
-        self.event(now, event);
+    /// Reports an event on the main link.
+    fn tell_main(&mut self, now: SimTime, code: Code, text: String) {
+        let event = EventKind::new(code, text).on(Link::Main.index());
+        self.shell.report(now, event);
     }
 }
 

@@ -3,14 +3,17 @@
 use rigsim_physics::mecanum::Wheel;
 use rigsim_settings::SimTime;
 
-use super::ascii::Report;
+use super::ascii::{REPORTS, Report};
 use super::motion::whole;
 use super::packet::Status;
 use super::settings::{
     AsciiMileage, AsciiSpeedSign, HeadingRange, MagnBits, MotorState, NoEcho, Overflow, StatusSeq,
     VelocityFrame,
 };
-use super::{Link, MecanumDevice, MecanumEvent};
+use super::{Link, MecanumDevice};
+use crate::event::EventKind;
+use crate::event::code::REPLY;
+use crate::message::Message;
 
 /// The longest distance that an ultrasonic sensor gives, m: common ones end at 4500 mm.
 const ULTRASONIC_FARTHEST: f64 = 4.5;
@@ -46,14 +49,17 @@ impl MecanumDevice {
         self.seq = self.seq.wrapping_add(1);
         let order = self.settings.byte_order;
         let bytes = status.encode_in(order);
-        self.shell.send((Link::Main, bytes));
-        self.event(now, MecanumEvent::Status(status, order));
+        self.shell.send((Link::Main, bytes.clone()));
+        let info = status.info();
+        let event = EventKind::new(REPLY, info.name).saying(info, status.payload(), bytes);
+        self.shell.report(now, event);
     }
 
     pub(super) fn send_report(&mut self, now: SimTime) {
-        let report = self.report(now);
-        self.shell.send((Link::Ros, report.encode()));
-        self.event(now, MecanumEvent::Report(report));
+        let line = self.report(now).encode();
+        self.shell.send((Link::Ros, line.clone()));
+        let event = EventKind::new(REPLY, "line").saying(&REPORTS[0], line.clone(), line);
+        self.shell.report(now, event);
     }
 
     /// Returns the status packet of `now`.

@@ -20,8 +20,8 @@ use super::codec;
 use super::packet::{Request, Status};
 use super::settings::ByteOrder;
 use super::settings::MecanumFirmwareSettings;
-use super::{Link, MecanumDevice, MecanumEvent};
-use crate::event::EventKind as _;
+use super::{Link, MecanumDevice};
+use crate::event::EventKind;
 
 /// The smallest step of simulated time.
 const QUANTUM: Duration = Duration::from_nanos(1);
@@ -179,7 +179,7 @@ impl Bench {
     }
 
     /// Events since the last call.
-    fn events(&mut self) -> Vec<(SimTime, MecanumEvent)> {
+    fn events(&mut self) -> Vec<(SimTime, EventKind)> {
         std::iter::from_fn(|| self.device.poll_event()).collect()
     }
 

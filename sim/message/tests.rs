@@ -5,8 +5,10 @@ use std::collections::BTreeSet;
 use super::*;
 use crate::SHIPPED;
 use crate::device::names::{Getter, Unit};
+use crate::event::code::{REPLY, REQUEST};
 use crate::mecanum_device::packet::Status;
 use crate::r150_device::command::{Motors, Reply, Request, SystemInfo};
+use crate::r150_device::event::passed;
 
 #[test]
 fn declarations_of_every_device_hold_together() {
@@ -96,6 +98,10 @@ fn the_layout_is_that_of_the_wire() {
     assert_eq!(SystemInfo::INFOS[0].length, 76);
 }
 
+fn words(reply: Reply) -> String {
+    passed(REPLY, reply.command(), reply.info(), reply.encode()).to_string()
+}
+
 #[test]
 fn words_of_the_log() {
     let info = SystemInfo {
@@ -111,7 +117,7 @@ fn words_of_the_log() {
         pwm_status: 0,
     };
     assert_eq!(
-        Reply::SystemInfo(info).to_string(),
+        words(Reply::SystemInfo(info)),
         "0x06 system_info voltage_12v [12.010, 0.000, 11.980, 12.000] V voltage_48v 51.250 V \
          current_12v [1.500, 0.000, -0.250, 3.125] A current_48v 7.000 A temp_12v [31.3, -40.0] \
          degC sys_status overcurrent_ab+over_temperature_cd+0x200 power_ctrl_mode app \
@@ -123,24 +129,26 @@ fn words_of_the_log() {
         soc: 800,
     };
     assert_eq!(
-        Reply::Motors(motors).to_string(),
+        words(Reply::Motors(motors)),
         "0x12 set_motors right_rpm 1511 left_rpm -3 soc 80.0 %"
     );
     let [command, success] = [0x99, 0x02].map(|command| Reply::Bool {
         command,
         success: command == 0x02,
     });
-    assert_eq!(command.to_string(), "0x99 ? success false");
-    assert_eq!(success.to_string(), "0x02 power_control success true");
-    assert_eq!(Request::Heartbeat.to_string(), "0x07 heartbeat");
+    assert_eq!(words(command), "0x99 ? success false");
+    assert_eq!(words(success), "0x02 power_control success true");
+    let request = Request::Heartbeat;
+    let asked = passed(REQUEST, request.command(), request.info(), request.encode());
+    assert_eq!(asked.to_string(), "0x07 heartbeat");
     let status = Status {
         ori: -900,
         magn: 0x8001,
         moto_state: 3,
         ..Status::default()
     };
-    let words = status.to_string();
-    assert!(words.starts_with("status seq 0 v_x 0 "), "{words}");
+    let words = status.info().show(&status.payload()).to_string();
+    assert!(words.starts_with(" seq 0 v_x 0 "), "{words}");
     assert!(words.contains(" ori -90.0 deg "), "{words}");
     assert!(words.contains(" magn 0x8001 "), "{words}");
     assert!(words.contains(" moto_state left+right "), "{words}");

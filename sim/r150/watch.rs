@@ -2,13 +2,12 @@
 //! that are too hot, wheels that would lift.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
 
 use rigsim_physics::r150::{FuseId, R150Health, Side};
 use rigsim_settings::SimTime;
 
-use super::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT};
-use crate::event::{Code, EventKind, PlainEvent};
+use crate::event::{Code, EventKind};
+use crate::r150_device::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT};
 
 /// Most events kept until they are taken.
 const MOST: usize = 64;
@@ -17,7 +16,7 @@ const MOST: usize = 64;
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     last: R150Health,
-    events: VecDeque<(SimTime, PlainEvent)>,
+    events: VecDeque<(SimTime, EventKind)>,
 }
 
 impl Watch {
@@ -54,7 +53,7 @@ impl Watch {
             self.tell(now, code, format!("the {side} {text}"));
         }
         if state.tipping && !last.tipping {
-            self.keep(now, PlainEvent::tipping());
+            self.keep(now, EventKind::tipping());
         }
     }
 
@@ -62,16 +61,15 @@ impl Watch {
         !self.events.is_empty()
     }
 
-    pub(super) fn poll(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
-        let (at, event) = self.events.pop_front()?;
-        Some((at, Arc::new(event)))
+    pub(super) fn poll(&mut self) -> Option<(SimTime, EventKind)> {
+        self.events.pop_front()
     }
 
     fn tell(&mut self, now: SimTime, code: Code, text: String) {
-        self.keep(now, PlainEvent { code, text });
+        self.keep(now, EventKind::new(code, text));
     }
 
-    fn keep(&mut self, now: SimTime, event: PlainEvent) {
+    fn keep(&mut self, now: SimTime, event: EventKind) {
         if self.events.len() >= MOST {
             self.events.pop_front();
         }

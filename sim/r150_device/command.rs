@@ -2,7 +2,7 @@
 //!
 //! All multi-byte fields are little-endian (manual section 4.1).
 
-use std::fmt;
+use std::borrow::Cow;
 
 use rigsim_physics::r150::Rail;
 use serde::{Deserialize, Deserializer};
@@ -62,6 +62,14 @@ macro_rules! commands {
             #[doc = concat!("Byte of ", $name, ".")]
             pub const $variant: u8 = $id;
         )+ }
+
+        /// What the words of a command and of its reply begin with.
+        pub(super) fn label(command: u8) -> Cow<'static, str> {
+            match command {
+                $( $id => concat!(stringify!($id), " ", $name).into(), )+
+                _ => format!("0x{command:02X} ?").into(),
+            }
+        }
 
         impl Reply {
             /// The command byte, that of the request.
@@ -374,26 +382,4 @@ impl Reply {
         let (command, parameters) = codec::parts(frame)?;
         Self::parse(command, parameters).ok()
     }
-}
-
-impl fmt::Display for Request {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        show(f, self.command(), self.info(), &self.payload())
-    }
-}
-
-impl fmt::Display for Reply {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        show(f, self.command(), self.info(), &self.parameters())
-    }
-}
-
-fn show(
-    f: &mut fmt::Formatter<'_>,
-    command: u8,
-    info: &MessageInfo,
-    parameters: &[u8],
-) -> fmt::Result {
-    let name = name(command).unwrap_or("?");
-    write!(f, "0x{command:02X} {name}{}", info.show(parameters))
 }

@@ -50,7 +50,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    const BOTH: Self = Self {
+    pub(super) const BOTH: Self = Self {
         power: true,
         pwm: true,
     };

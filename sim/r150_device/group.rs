@@ -1,4 +1,4 @@
-//! Groups of outputs that are protected together, and the reasons to switch them off.
+//! Groups of outputs that are protected together.
 
 use std::ops::Range;
 
@@ -17,14 +17,6 @@ rigsim_settings::words! {
         V48 = "48 V",
         /// The 5 V outputs.
         V5 = "5 V",
-    }
-
-    /// Reason for which a group was switched off.
-    pub enum Cause {
-        /// Too much current or power for too long.
-        Overcurrent = "overcurrent",
-        /// Too hot.
-        OverTemperature = "over-temperature",
     }
 }
 

@@ -10,9 +10,10 @@ use rigsim_settings::SimTime;
 
 use super::command::sys_status;
 use super::earlier;
-use super::event::R150Event;
-use super::group::{Cause, Group};
+use super::event;
+use super::group::Group;
 use super::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
+use crate::event::Code;
 
 /// Multiple of its limit, as a current, above which any rail trips almost at once: a short pulls the
 /// voltage down, so power does not show it. The manual promises the protection without figures.
@@ -118,13 +119,16 @@ impl Protection {
     /// The client or the app asks for these outputs at `now`, as bits of `powerStatus`. That ends
     /// the latch of every group of which it asks for nothing; what it asks of a group that is
     /// withheld stays off until it is asked for again.
-    pub fn requested(&mut self, now: SimTime, requested: u8, event: &mut impl FnMut(R150Event)) {
+    pub fn requested(&mut self, now: SimTime, requested: u8, tell: &mut impl FnMut(Code, String)) {
         for group in Group::ALL {
             let withheld = self.withholds(self.groups[group as usize].hot);
             let state = &mut self.groups[group as usize];
             if requested & group.mask() == 0 {
                 if state.latch.take().is_some() {
-                    event(R150Event::TripCleared(group, ProtectionAction::SwitchOff));
+                    tell(
+                        event::TRIP_CLEARED,
+                        format!("{group} may be switched on again"),
+                    );
                 }
             } else if withheld {
                 state.withhold(now);
@@ -139,9 +143,9 @@ impl Protection {
         now: SimTime,
         measured: &R150Measurements,
         requested: u8,
-        event: &mut impl FnMut(R150Event),
+        tell: &mut impl FnMut(Code, String),
     ) {
-        self.sense_supply(now, measured, requested, event);
+        self.sense_supply(now, measured, requested, tell);
         for group in Group::ALL {
             let (over, short) = self.excess(group, measured);
             let limits = &self.settings;
@@ -150,7 +154,10 @@ impl Protection {
             state.short = short.then(|| state.short.unwrap_or(now));
             if state.reported && !over && !short {
                 state.reported = false;
-                event(R150Event::TripCleared(group, ProtectionAction::Report));
+                tell(
+                    event::TRIP_CLEARED,
+                    format!("{group} is within its limits again"),
+                );
             }
             let Some(celsius) = group.temperature_c(measured) else {
                 continue;
@@ -161,21 +168,22 @@ impl Protection {
                 if action == ProtectionAction::SwitchOff && requested & group.mask() != 0 {
                     state.withhold(now);
                 }
-                event(R150Event::Tripped(group, Cause::OverTemperature, action));
+                let text = format!("{group}: over-temperature; its {}", outputs(action));
+                tell(event::OVER_TEMPERATURE, text);
             } else if state.hot && celsius < limits.over_temperature - OVER_TEMPERATURE_HYSTERESIS {
                 state.hot = false;
-                event(R150Event::Cooled(group));
+                tell(event::COOLED, format!("{group} has cooled down"));
             }
         }
         self.find_deadline();
     }
 
     /// Does what is due at `now`; `requested` is what the outputs should be.
-    pub fn advance(&mut self, now: SimTime, requested: u8, event: &mut impl FnMut(R150Event)) {
+    pub fn advance(&mut self, now: SimTime, requested: u8, tell: &mut impl FnMut(Code, String)) {
         if let Some((_, supply_v)) = self.low
             && self.supply_deadline().is_some_and(|due| due <= now)
         {
-            self.fail(now, supply_v, requested, event);
+            self.fail(now, supply_v, requested, tell);
         }
         for group in Group::ALL {
             let state = self.groups[group as usize];
@@ -189,7 +197,10 @@ impl Protection {
             let state = &mut self.groups[group as usize];
             if state.latch.is_some() {
                 state.latch = None;
-                event(R150Event::TripCleared(group, ProtectionAction::SwitchOff));
+                tell(
+                    event::TRIP_CLEARED,
+                    format!("{group} may be switched on again"),
+                );
                 continue;
             }
             match action {
@@ -203,7 +214,8 @@ impl Protection {
                 }
                 ProtectionAction::Report => state.reported = true,
             }
-            event(R150Event::Tripped(group, Cause::Overcurrent, action));
+            let text = format!("{group}: overcurrent; its {}", outputs(action));
+            tell(event::OVERCURRENT, text);
         }
         self.find_deadline();
     }
@@ -274,7 +286,7 @@ impl Protection {
         now: SimTime,
         measured: &R150Measurements,
         requested: u8,
-        event: &mut impl FnMut(R150Event),
+        tell: &mut impl FnMut(Code, String),
     ) {
         let supply_v = measured.bus_voltage;
         let limits = &self.settings;
@@ -287,10 +299,13 @@ impl Protection {
         if self.fault {
             if !low && !measured.power_module_fault {
                 self.fault = false;
-                event(R150Event::PowerModuleRecovered);
+                tell(
+                    event::POWER_MODULE_RECOVERED,
+                    "power module fault ended".to_owned(),
+                );
             }
         } else if measured.power_module_fault {
-            self.fail(now, supply_v, requested, event);
+            self.fail(now, supply_v, requested, tell);
         } else {
             let since = self.low.map_or(now, |(since, _)| since);
             self.low = low.then_some((since, supply_v));
@@ -318,7 +333,7 @@ impl Protection {
         now: SimTime,
         supply_v: f64,
         requested: u8,
-        event: &mut impl FnMut(R150Event),
+        tell: &mut impl FnMut(Code, String),
     ) {
         self.fault = true;
         self.low = None;
@@ -330,10 +345,23 @@ impl Protection {
                 }
             }
         }
-        event(R150Event::PowerModuleFault { supply_v, action });
+        let outputs = match action {
+            ProtectionAction::SwitchOff => "all outputs are off",
+            ProtectionAction::Report => "the outputs stay as they are",
+        };
+        let text = format!("power module fault at {supply_v:.1} V supply; {outputs}");
+        tell(event::POWER_MODULE_FAULT, text);
     }
 
     fn supply_deadline(&self) -> Option<SimTime> {
         self.low.map(|(since, _)| since + UNDERVOLTAGE_DELAY)
+    }
+}
+
+/// What becomes of the outputs of a group.
+fn outputs(action: ProtectionAction) -> &'static str {
+    match action {
+        ProtectionAction::SwitchOff => "outputs are off",
+        ProtectionAction::Report => "outputs stay as they are",
     }
 }

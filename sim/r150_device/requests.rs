@@ -6,13 +6,16 @@ use rigsim_settings::SimTime;
 
 use super::R150Device;
 use super::codec;
-use super::command::{PwmOutputs, Refusal, Reply, Request, Version, code};
-use super::control::FULL_DUTY;
-use super::event::{R150Event, ValueError};
+use super::command::{PwmOutputs, Refusal, Reply, Request, Version, code, label};
+use super::control::{FULL_DUTY, Parts};
+use super::event;
 use super::motors::{Answer, FULL};
 use super::settings::{
     HeartbeatBy, MotorsAnswered, MotorsRefusalReply, OutOfRange, RefusalReply, ReplyCommand,
 };
+use crate::event::EventKind;
+use crate::event::code::{REPLY, REQUEST};
+use crate::message::Message;
 use crate::scanner::Decoded;
 
 /// Most replies that may wait for their time: more than arrive at once where bytes take no time.
@@ -43,7 +46,7 @@ impl R150Device {
             Decoded::Wrong(frame) => codec::parts(frame).map(|(command, _)| command),
             _ => None,
         };
-        self.event(now, R150Event::BadStream(bad));
+        self.shell.report(now, event::bad_stream(bad));
         if let Some(command) = command
             && self.settings.on_bad_crc == RefusalReply::False
         {
@@ -52,7 +55,25 @@ impl R150Device {
     }
 
     fn refuse(&mut self, now: SimTime, refusal: Refusal, frame: Vec<u8>) {
-        self.event(now, R150Event::Refused { refusal, frame });
+        let (code, text) = match refusal {
+            Refusal::UnknownCommand(command) => (
+                event::UNKNOWN_COMMAND,
+                format!("unknown command 0x{command:02X}; nothing changed"),
+            ),
+            Refusal::WrongLength {
+                command,
+                wanted,
+                found,
+            } => {
+                let command = label(command);
+                let text = format!(
+                    "{command} takes {wanted} parameter bytes, {found} came; nothing changed"
+                );
+                (event::WRONG_LENGTH, text)
+            }
+        };
+        self.shell
+            .report(now, EventKind::new(code, text).with(0, frame));
         if self.settings.heartbeat_by == HeartbeatBy::Frames {
             self.control.heartbeat(now, &self.settings);
         }
@@ -100,17 +121,11 @@ impl R150Device {
     }
 
     fn request(&mut self, now: SimTime, request: Request, frame: Vec<u8>) {
-        if let Some(error) = ValueError::of(request) {
-            self.event(
-                now,
-                R150Event::Request {
-                    request,
-                    frame: frame.clone(),
-                },
-            );
-            self.event(now, R150Event::BadValue { error, frame });
-        } else {
-            self.event(now, R150Event::Request { request, frame });
+        let bad = event::bad_value(request);
+        let bad = bad.map(|(code, text)| EventKind::new(code, text).with(0, frame.clone()));
+        let passed = event::passed(REQUEST, request.command(), request.info(), frame);
+        for event in [passed].into_iter().chain(bad) {
+            self.shell.report(now, event);
         }
         // A reply tells the state before its request.
         let state = match request {
@@ -119,7 +134,13 @@ impl R150Device {
         };
         let taken = self.control.request(now, request, &self.settings);
         if taken.any() {
-            self.event(now, R150Event::ControlTaken(taken));
+            let parts = match taken {
+                Parts::BOTH => "power and PWM",
+                Parts { power: true, .. } => "power",
+                _ => "PWM",
+            };
+            let text = format!("the client took control of {parts} (RS232 mode)");
+            self.shell.tell(now, event::CONTROL_TAKEN, text);
         }
         if let Some(reply) = state.or_else(|| self.execute(now, request)) {
             self.reply(now, reply);
@@ -184,7 +205,8 @@ impl R150Device {
     }
 
     fn refuse_for_app(&mut self, now: SimTime, command: u8) -> Option<bool> {
-        self.event(now, R150Event::AppInControl(command));
+        let text = format!("{} refused: the app holds control", label(command));
+        self.shell.tell(now, event::APP_IN_CONTROL, text);
         match self.settings.on_app_in_control {
             RefusalReply::Silent => None,
             RefusalReply::False => Some(false),
@@ -208,10 +230,16 @@ impl R150Device {
             self.motors
                 .command((now, delay), set_point, answered, &self.settings);
         if let Some(commands) = over_rate {
-            self.event(now, R150Event::OverRate { commands });
+            let text = format!(
+                "{commands} motor commands within a second, which are more than can be answered"
+            );
+            self.shell.tell(now, event::OVER_RATE, text);
         }
         if set_point != [0, 0] && !obstacles.is_empty() {
-            self.event(now, R150Event::NotDriving(obstacles));
+            let why: Vec<&str> = obstacles.iter().map(|why| why.as_str()).collect();
+            let why = why.join(", ");
+            let text = format!("motor command does not move the vehicle: {why}");
+            self.shell.tell(now, event::NOT_DRIVING, text);
         }
         answer
     }
@@ -221,7 +249,7 @@ impl R150Device {
             let spread = self.reply_time.uniform();
             self.reply_after(now, self.settings.reply_spread.mul_f64(spread), reply);
         } else {
-            self.event(now, R150Event::ReplyDropped);
+            self.drop_reply(now);
         }
     }
 
@@ -231,8 +259,13 @@ impl R150Device {
             let reply = self.motor_reply();
             self.reply_after(now, Duration::ZERO, reply);
         } else {
-            self.event(now, R150Event::ReplyDropped);
+            self.drop_reply(now);
         }
+    }
+
+    fn drop_reply(&mut self, now: SimTime) {
+        let text = "a reply was dropped: too many wait to be sent";
+        self.shell.tell(now, event::REPLY_DROPPED, text);
     }
 
     fn reply_after(&mut self, now: SimTime, spread: Duration, reply: Reply) {
@@ -256,7 +289,8 @@ impl R150Device {
             let frame = codec::encode(command, &reply.parameters());
             self.shell.send(frame.clone());
             // One that waited behind a slower one is late.
-            self.event(now, R150Event::Reply { reply, frame });
+            let passed = event::passed(REPLY, reply.command(), reply.info(), frame);
+            self.shell.report(now, passed);
         }
     }
 }

@@ -14,12 +14,12 @@ use std::time::Duration;
 use rigsim_physics::r150::{PwmReading, R150Measurements, Sides};
 use rigsim_settings::SimTime;
 
+use super::R150Device;
 use super::codec;
 use super::command::{Reply, Request};
 use super::settings::{NoiseSettings, R150FirmwareSettings};
 use super::vehicle::Start;
-use super::{R150Device, R150Event};
-use crate::event::EventKind as _;
+use crate::event::EventKind;
 use crate::noise::Noise;
 use crate::scanner::Decoded;
 
@@ -176,7 +176,7 @@ impl Bench {
         });
     }
 
-    fn events(&mut self) -> Vec<R150Event> {
+    fn events(&mut self) -> Vec<EventKind> {
         std::iter::from_fn(|| self.device.poll_event())
             .map(|(_, event)| event)
             .collect()

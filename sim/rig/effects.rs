@@ -11,8 +11,8 @@ use super::Rig;
 use crate::device::{
     Begin, Change, EffectError, EffectHandle, MOST_ARMED, MOST_EVER, Restore, Tally, Work,
 };
-use crate::effect::{Checked, FaultPhase};
-use crate::event::{Code, PlainEvent, code};
+use crate::effect::Checked;
+use crate::event::{Code, EventKind, code};
 use crate::injection::Injection;
 use crate::line::SerialLine;
 use crate::noise::Noise;
@@ -76,7 +76,8 @@ impl Rig {
         if info.is_fault() {
             self.fault_names.insert(name.to_owned(), times);
             self.fault_hits.insert(handle, 0);
-            self.fault_event(device, name, info.id, FaultPhase::Armed);
+            let event = EventKind::of_fault(code::FAULT_ARMED, name, info.id, "armed");
+            self.events.keep(now, device, event);
         } else {
             let what = format!("step \"{name}\": {} {}", info.level.key(), info.id);
             self.tell_action(device, code::ACTION_APPLIED, what.clone());
@@ -170,7 +171,7 @@ impl Rig {
 
     fn tell_action(&mut self, device: usize, code: Code, text: String) {
         self.events
-            .keep(self.now, device, PlainEvent { code, text });
+            .keep(self.now, device, EventKind::new(code, text));
     }
 }
 

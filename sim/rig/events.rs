@@ -1,7 +1,6 @@
 //! The events of a rig, until they are taken.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
 
 use rigsim_settings::SimTime;
 
@@ -19,18 +18,12 @@ pub(super) struct Events {
 
 impl Events {
     /// Keeps it until it is taken.
-    pub(super) fn keep(&mut self, at: SimTime, device: usize, kind: impl EventKind) {
-        let kind = Arc::new(kind);
-        self.keep_event(Event { at, device, kind });
-    }
-
-    /// Keeps it, as [`Events::keep`].
-    pub(super) fn keep_event(&mut self, event: Event) {
+    pub(super) fn keep(&mut self, at: SimTime, device: usize, kind: EventKind) {
         if self.kept.len() >= MOST {
             self.kept.pop_front();
             self.lost += 1;
         }
-        self.kept.push_back(event);
+        self.kept.push_back(Event { at, device, kind });
     }
 
     /// Takes the next one.

@@ -4,7 +4,7 @@ use rigsim_settings::SimTime;
 
 use super::{PortId, Rig, Slot};
 use crate::device::EffectHandle;
-use crate::effect::{FaultEvent, FaultPhase};
+use crate::event::{EventKind, code};
 
 impl Rig {
     /// Ends a fault, if it is one that is armed.
@@ -27,7 +27,8 @@ impl Rig {
         faults.apply(now, own, &mut self.world);
         slot.set_faulty_ends(now);
         if let Some((name, info)) = ended.filter(|(_, info)| info.is_fault()) {
-            self.fault_event(device, &name, info.id, FaultPhase::Cleared);
+            let event = EventKind::of_fault(code::FAULT_CLEARED, &name, info.id, "cleared");
+            self.events.keep(now, device, event);
         }
         self.after_change(device);
     }
@@ -73,23 +74,11 @@ impl Rig {
                 *own = hits;
             }
             if let Some(what) = first.filter(|_| info.is_fault()) {
-                let phase = FaultPhase::Triggered { what };
-                let (name, id) = (name.to_owned(), info.id);
-                self.events.keep(at, device, FaultEvent { name, id, phase });
+                let what = format!("triggered: {what}");
+                let event = EventKind::of_fault(code::FAULT_TRIGGERED, name, info.id, &what);
+                self.events.keep(at, device, event);
             }
         });
-    }
-
-    pub(super) fn fault_event(
-        &mut self,
-        device: usize,
-        name: &str,
-        id: &'static str,
-        phase: FaultPhase,
-    ) {
-        let name = name.to_owned();
-        let event = FaultEvent { name, id, phase };
-        self.events.keep(self.now, device, event);
     }
 }
 

@@ -6,9 +6,8 @@ use rigsim_settings::SimTime;
 use super::events::Events;
 use super::{PortId, Rig, Slot};
 use crate::device::Device;
-use crate::event::Event;
 use crate::injection::Injection;
-use crate::line::{LineEvent, OnLine, SerialLine};
+use crate::line::{LineEvent, SerialLine};
 
 /// After so many bytes of one instant, as on a line without pacing, what they led to is taken. A
 /// device keeps a thousand events, and none of its frames is shorter than two bytes.
@@ -88,7 +87,7 @@ impl Rig {
     pub(super) fn line_event(&mut self, port: PortId, event: Option<LineEvent>) {
         if let Some(event) = event {
             let PortId { device, link } = port;
-            self.events.keep(self.now, device, OnLine { link, event });
+            self.events.keep(self.now, device, event.on(link));
         }
     }
 }
@@ -96,7 +95,7 @@ impl Rig {
 /// Takes what a device tells, before it has to forget any of it.
 fn take_events(device: usize, unit: &mut dyn Device, events: &mut Events) {
     while let Some((at, kind)) = unit.poll_event() {
-        events.keep_event(Event { at, device, kind });
+        events.keep(at, device, kind);
     }
 }
 
@@ -132,7 +131,7 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
             Some(LineEvent::ReplyDropped { bytes })
         };
         if let Some(event) = event {
-            events.keep(now, device, OnLine { link, event });
+            events.keep(now, device, event.on(link));
         }
     };
     let unit = slot.device.as_mut();

@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 
 use rigsim_core::SimTime;
 use rigsim_core::device::names::Unit;
-use rigsim_core::effect::{FaultEvent, FaultPhase};
-use rigsim_core::event::Event;
+use rigsim_core::event::{Event, code};
 use rigsim_physics::world::{Feature, FeatureKind};
 use rigsim_runner::Run;
 use rigsim_runner::run::Probe;
@@ -253,32 +252,32 @@ impl<'a> Frames<'a> {
         }
     }
 
-    fn note_fault(&mut self, event: &Event, fault: &FaultEvent) {
+    fn note_fault(&mut self, event: &Event, name: &str, fault: &'static str) {
         let at = event.at.as_secs_f64();
         let open = |span: &&mut Span| {
-            span.to.is_none() && span.name == fault.name && span.device == event.device
+            span.to.is_none() && span.name == name && span.device == event.device
         };
-        match fault.phase {
-            FaultPhase::Armed if self.spans.len() < MOST_SPANS => self.spans.push(Span {
+        match event.kind.code() {
+            code::FAULT_ARMED if self.spans.len() < MOST_SPANS => self.spans.push(Span {
                 device: event.device,
-                name: fault.name.clone(),
-                fault: fault.id,
+                name: name.to_owned(),
+                fault,
                 from: at,
                 to: None,
                 hits: Vec::new(),
             }),
-            FaultPhase::Armed => {}
-            FaultPhase::Triggered { .. } => {
+            code::FAULT_TRIGGERED => {
                 let span = self.spans.iter_mut().rfind(open);
                 if let Some(span) = span.filter(|span| span.hits.len() < MOST_HITS) {
                     span.hits.push(at);
                 }
             }
-            FaultPhase::Cleared => {
+            code::FAULT_CLEARED => {
                 if let Some(span) = self.spans.iter_mut().rfind(open) {
                     span.to = Some(at);
                 }
             }
+            _ => {}
         }
     }
 }
@@ -304,8 +303,8 @@ impl Onlooker for Frames<'_> {
     }
 
     fn event(&mut self, _: &Run, event: &Event) {
-        if let Some(fault) = event.kind.get() {
-            self.note_fault(event, fault);
+        if let Some((name, fault)) = event.kind.fault() {
+            self.note_fault(event, name, fault);
         }
         if self.is_near_failure(event.at) {
             self.note_line(event.at, self.words.plain(event));

@@ -163,7 +163,7 @@ fn events_name_the_fault_and_what_it_hit() {
     ask(&mut rig, Request::Heartbeat);
     rig.clear(handle);
     let reported: Vec<Event> = std::iter::from_fn(|| rig.poll_event())
-        .filter(|event| event.kind.get::<FaultEvent>().is_some())
+        .filter(|event| event.kind.fault().is_some())
         .collect();
     let lines: Vec<String> = reported
         .iter()

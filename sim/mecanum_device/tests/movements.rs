@@ -103,12 +103,12 @@ fn every_movement_moves_the_dead_reckoning_its_way() {
         let status = bench.last_status();
         let [ahead, left, turn] = body_speed(rotations.map(f64::from), 0.22);
         let close = |found: i16, wanted: f64| (f64::from(found) - wanted).abs() <= 0.5;
-        assert!(close(status.axis_x, 100.0 * ahead), "{name} {status}");
-        assert!(close(status.axis_y, 100.0 * left), "{name} {status}");
+        assert!(close(status.axis_x, 100.0 * ahead), "{name} {status:?}");
+        assert!(close(status.axis_y, 100.0 * left), "{name} {status:?}");
         // Ten revolutions of 0.1 π m each.
         let degrees = (turn * std::f64::consts::PI).to_degrees();
         let tenths = super::super::motion::whole(degrees * 10.0);
-        assert_eq!(i64::from(status.ori), tenths, "{name} {status}");
+        assert_eq!(i64::from(status.ori), tenths, "{name} {status:?}");
     }
 }
 

@@ -1,9 +1,7 @@
 //! Motions: preemption, the queue, targets, clamping, and the link timeout.
 
-use super::super::event::{Discard, Field, Handling};
-use super::super::settings::OverSpeed;
+use super::super::event::{MOTIONS_DISCARDED, SPEED_CLAMPED};
 use super::*;
-use crate::event::EventKind as _;
 
 #[test]
 fn a_motion_ends_at_the_pulse_that_completes_its_distance() {
@@ -83,10 +81,8 @@ fn preemption_discards_what_runs_and_waits() {
     bench.go(2, 1, 500);
     assert_eq!(bench.device.waiting(), 0);
     assert_eq!(bench.device.rotations(), [-1, 1, 1, -1]);
-    let discarded = MecanumEvent::Discarded {
-        count: 3,
-        why: Discard::Preempted,
-    };
+    let words = "3 motions discarded: another preempts";
+    let discarded = EventKind::new(MOTIONS_DISCARDED, words);
     assert!(bench.events().contains(&(MS(100), discarded)));
     bench.run_ms(1000);
     assert!(!bench.is_driving());
@@ -136,10 +132,8 @@ fn speeds_beyond_500_are_clamped_and_reported() {
         let mut bench = Bench::new();
         bench.go(0, 10, v);
         assert_eq!(bench.device.commands().speed_voltage, 1.0);
-        let clamped = MecanumEvent::SpeedOutOfRange {
-            v,
-            handling: OverSpeed::Clamp,
-        };
+        let words = format!("speed {v} clamped: -500 to 500 is allowed");
+        let clamped = EventKind::new(SPEED_CLAMPED, words).on(Link::Main.index());
         let events = bench.events();
         assert_eq!(events.contains(&(MS(0), clamped)), reported, "{v}");
         let sign = if v < 0 { -1 } else { 1 };
@@ -169,22 +163,27 @@ fn fields_out_of_range_are_reported() {
     assert!(!bench.device.is_remote());
     bench.motion(2, 1, 10, 100);
     assert_eq!(bench.device.rotations(), [1, -1, 1, -1]);
-    assert_eq!(
-        bench.codes(),
-        [
+    let events = bench.events();
+    let wrong = events.iter().filter(|(_, event)| event.is_client_error());
+    let wrong: Vec<_> = wrong
+        .map(|(_, event)| (event.code().as_str(), event.to_string()))
+        .collect();
+    let wanted = [
+        (
             "bad_moving_idx",
+            "moving_idx 5 ignored with its packet: 0 to 4 is allowed",
+        ),
+        (
             "bad_control_type",
+            "control type 2 ignored with its packet: 0 and 1 are allowed",
+        ),
+        (
             "bad_is_reset",
-            "motions_discarded",
-            "motion_started"
-        ]
-    );
-    let event = MecanumEvent::BadField {
-        field: Field::MovingIdx,
-        value: 5,
-        handling: Handling::Ignored,
-    };
-    assert!(event.is_client_error());
+            "is_reset 2 taken for 1: 0 and 1 are allowed",
+        ),
+    ];
+    assert_eq!(wrong, wanted.map(|(code, words)| (code, words.to_owned())));
+    assert_eq!(events.last().unwrap().1.code().as_str(), "motion_started");
 }
 
 #[test]

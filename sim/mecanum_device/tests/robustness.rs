@@ -3,11 +3,10 @@
 use crate::firmware::Firmware as _;
 use proptest::prelude::*;
 
-use super::super::OperatorInput;
 use super::super::kinematics::{Course, Movement};
 use super::super::motion::{Change, Motion};
+use super::super::{OperatorInput, event};
 use super::*;
-use crate::event::EventKind as _;
 
 /// Bytes as clients, and bad ones, send them.
 fn stream() -> impl Strategy<Value = Vec<u8>> {
@@ -31,7 +30,7 @@ fn stream() -> impl Strategy<Value = Vec<u8>> {
 }
 
 /// Everything that the device has said and done.
-fn trace(bench: &mut Bench) -> (Vec<Vec<u8>>, Vec<(SimTime, MecanumEvent)>) {
+fn trace(bench: &mut Bench) -> (Vec<Vec<u8>>, Vec<(SimTime, EventKind)>) {
     let output = std::iter::from_fn(|| bench.device.poll_output());
     let output = output.map(|(_, bytes)| bytes).collect();
     (output, bench.events())
@@ -86,10 +85,17 @@ fn every_event_has_words_and_a_code() {
         revolutions: 1.5,
         speed_rpm: 30.0,
     };
-    let started = MecanumEvent::Motion(Change::Started(motion));
+    let started = event::motion(Change::Started(motion));
     assert_eq!(started.to_string(), "turn left 1.5 rev at 30 rpm started");
     assert_eq!(started.code().as_str(), "motion_started");
     let mut bench = Bench::with_ros();
+    bench.line("X-10\r\n");
+    let words = |(_, event): &(SimTime, EventKind)| event.to_string();
+    let said: Vec<String> = bench.events().iter().map(words).collect();
+    assert!(said.contains(&"line X-10".to_owned()), "{said:?}");
+    bench.device.receive(bench.now, Link::Main, &[0xAA]);
+    let (_, event) = bench.events().pop().unwrap();
+    assert_eq!(event.to_string(), "bytes that begin no packet: AA");
     bench.line("x\n");
     let (_, event) = bench.events().pop().unwrap();
     assert_eq!(

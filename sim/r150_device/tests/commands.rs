@@ -1,7 +1,6 @@
 //! Every command, byte by byte, and every refusal.
 
 use super::*;
-use crate::event::EventKind;
 use crate::r150_device::codec::encode;
 use crate::r150_device::command::{self, SystemInfo};
 use crate::r150_device::settings::{
@@ -281,7 +280,7 @@ fn events_carry_the_bytes_as_they_were() {
         assert!(
             events
                 .iter()
-                .any(|e| e.is_client_error() && e.bytes().as_deref() == Some(&bad[..])),
+                .any(|e| e.is_client_error() && e.bytes() == Some(&bad[..])),
             "{events:?}"
         );
     }

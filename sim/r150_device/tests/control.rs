@@ -77,9 +77,9 @@ fn every_command_counts_as_a_heartbeat() {
         bench.after(TIMEOUT - QUANTUM);
         bench.ask(request);
         bench.after(TIMEOUT - QUANTUM);
-        assert_eq!(modes(&bench), [true, true], "{request}");
+        assert_eq!(modes(&bench), [true, true], "{request:?}");
         bench.after(QUANTUM);
-        assert_eq!(modes(&bench), [false, false], "{request}");
+        assert_eq!(modes(&bench), [false, false], "{request:?}");
     }
 }
 

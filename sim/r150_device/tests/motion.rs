@@ -5,8 +5,9 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::defects::Defects;
-use crate::event::EventKind;
+use crate::event::Role;
 use crate::r150_device::codec::encode;
+use crate::r150_device::event::{NOT_DRIVING, WATCHDOG_FIRED};
 use crate::r150_device::settings::{MotorsRefusalReply, OutOfRange, OverRate};
 use crate::r150_device::vehicle::{Key, Obstacle, OperatorInput};
 
@@ -22,12 +23,9 @@ fn the_watchdog_stops_the_motors_at_500_ms_and_not_one_quantum_before() {
     assert_eq!(bench.codes(), [""; 0]);
     bench.after(QUANTUM);
     assert_eq!(bench.duty(), [0.0, 0.0]);
-    let fired = R150Event::WatchdogFired {
-        right: 300,
-        left: -300,
-        driving: true,
-    };
-    assert_eq!(bench.events(), [fired]);
+    let words = "motor watchdog fired: no motor command in time, motors stopped (were right 300 \
+                 left -300)";
+    assert_eq!(bench.events(), [EventKind::new(WATCHDOG_FIRED, words)]);
 }
 
 #[test]
@@ -119,7 +117,7 @@ proptest! {
         bench.after(Duration::from_secs(2));
         let mut last = None;
         while let Some((at, event)) = bench.device.poll_event() {
-            if matches!(event, R150Event::Reply { .. }) {
+            if event.role() == Role::Reply {
                 let gap = last.replace(at).map(|last| at.since(last));
                 prop_assert!(gap.is_none_or(|gap| gap >= INTERVAL), "{gap:?}");
             }
@@ -441,14 +439,12 @@ fn obstacles(bench: &mut Bench) -> Vec<Obstacle> {
         "it is answered in every state"
     );
     bench.after(INTERVAL);
-    bench
-        .events()
-        .into_iter()
-        .find_map(|event| match event {
-            R150Event::NotDriving(obstacles) => Some(obstacles),
-            _ => None,
-        })
-        .unwrap_or_default()
+    let events = bench.events();
+    let event = events.iter().find(|event| event.code() == NOT_DRIVING);
+    let words = event.map(EventKind::to_string).unwrap_or_default();
+    let all = Obstacle::ALL.into_iter();
+    all.filter(|obstacle| words.contains(obstacle.as_str()))
+        .collect()
 }
 
 #[test]

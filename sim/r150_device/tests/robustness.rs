@@ -81,7 +81,7 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 /// Everything that comes out, with its time.
-fn output(chunks: &[(SimTime, &[u8])]) -> (Vec<u8>, Vec<R150Event>) {
+fn output(chunks: &[(SimTime, &[u8])]) -> (Vec<u8>, Vec<EventKind>) {
     let mut bench = Bench::new();
     let mut bytes = Vec::new();
     for (at, chunk) in chunks {
