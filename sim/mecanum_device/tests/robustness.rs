@@ -90,12 +90,17 @@ fn every_event_has_words_and_a_code() {
     assert_eq!(started.code().as_str(), "motion_started");
     let mut bench = Bench::with_ros();
     bench.line("X-10\r\n");
-    let words = |(_, event): &(SimTime, EventKind)| event.to_string();
-    let said: Vec<String> = bench.events().iter().map(words).collect();
-    assert!(said.contains(&"line X-10".to_owned()), "{said:?}");
-    bench.device.receive(bench.now, Link::Main, &[0xAA]);
-    let (_, event) = bench.events().pop().unwrap();
-    assert_eq!(event.to_string(), "bytes that begin no packet: AA");
+    bench.device.receive(bench.now, Link::Main, &[0xAA, 0xBB]);
+    bench.send(Request::ControlMode { seq: 7, mode: 0 });
+    let words = |(_, event): (SimTime, EventKind)| event.to_string();
+    let said: Vec<String> = bench.events().into_iter().map(words).collect();
+    for wanted in [
+        "line X-10",
+        "bytes that begin no packet: AA BB",
+        "control_mode seq 7 mode board",
+    ] {
+        assert!(said.iter().any(|said| said == wanted), "{said:?}");
+    }
     bench.line("x\n");
     let (_, event) = bench.events().pop().unwrap();
     assert_eq!(
