@@ -8,8 +8,7 @@ use std::time::Duration;
 
 use prost::encoding::{bytes, double, fixed64, int32, int64, string, uint32, uint64};
 use rigsim_core::SimTime;
-use rigsim_core::effect::{FaultEvent, FaultPhase};
-use rigsim_core::event::{Event, Level};
+use rigsim_core::event::{Event, Level, code};
 use rigsim_core::message::Sender;
 use rigsim_core::rig::PortId;
 use rigsim_runner::Run;
@@ -246,17 +245,17 @@ impl Perfetto {
     fn happened(&mut self, event: &Event) -> io::Result<()> {
         let device = self.devices.get(event.device).copied().unwrap_or_default();
         let at = event.at.as_nanos();
-        if let Some(FaultEvent { name, id, phase }) = event.kind.get() {
+        if let Some((name, id)) = event.kind.fault() {
             let track = self.track(device, &format!("fault {name}"), None)?;
-            return match phase {
-                FaultPhase::Armed => self.next_slice(at, track, Some((id, "fault"))),
-                FaultPhase::Triggered { .. } => {
+            return match event.kind.code() {
+                code::FAULT_ARMED => self.next_slice(at, track, Some((id, "fault"))),
+                code::FAULT_CLEARED => self.next_slice(at, track, None),
+                _ => {
                     let text = event.kind.to_string();
                     self.event(at, Kind::Instant, track, |event| {
                         named(&text, "fault", event)
                     })
                 }
-                FaultPhase::Cleared => self.next_slice(at, track, None),
             };
         }
         let category = match event.kind.level() {
