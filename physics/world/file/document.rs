@@ -173,119 +173,87 @@ struct Strip {
 impl Document {
     /// The contents, or the byte that is wrong and why.
     pub(super) fn into_map(self) -> Result<WorldMap, (usize, String)> {
-        let walls = self.wall.into_iter().map(Wall::obstacle);
-        let boxes = self.boxes.into_iter().map(Block::obstacle);
-        let circles = self.circle.into_iter().map(Post::obstacle);
+        let walls = self.wall.into_iter().map(|wall| {
+            let shape = ObstacleShape::Wall {
+                points: points(wall.points_m),
+                closed: wall.closed,
+                thickness: wall.thickness.0,
+            };
+            (wall.name, shape)
+        });
+        let boxes = self.boxes.into_iter().map(|one| {
+            let shape = rectangle(one.at_m, one.heading, [one.length, one.width]);
+            (one.name, ObstacleShape::Box(shape))
+        });
+        let circles = self.circle.into_iter().map(|post| {
+            let disc = disc(post.at_m, post.radius);
+            (post.name, ObstacleShape::Circle(disc))
+        });
         let mut obstacles = Obstacles::default();
-        for (name, obstacle) in walls.chain(boxes).chain(circles) {
+        for (name, shape) in walls.chain(boxes).chain(circles) {
             let at = name.as_ref().map_or(0, |name| name.span().start);
             let obstacle = match name {
-                Some(name) => obstacle.named(name.into_inner().0),
-                None => obstacle,
+                Some(name) => Obstacle::new(shape).named(name.into_inner().0),
+                None => Obstacle::new(shape),
             };
             obstacles
                 .add(obstacle)
                 .map_err(|error| (at, error.to_string()))?;
         }
+        let slopes = self.slope.iter().map(|slope| world::Slope {
+            area: slope.area.shape(),
+            slope: slope.slope.0.to_radians(),
+            uphill: slope.uphill.0.to_radians(),
+        });
+        let frictions = self.friction.iter().map(|patch| world::FrictionPatch {
+            area: patch.area.shape(),
+            friction: patch.friction.0,
+        });
+        let tags = self.tag.iter().map(|tag| world::Tag {
+            at: tag.at_m.0,
+            number: tag.number.0,
+        });
+        let strips = self.strip.into_iter().map(|strip| world::Strip {
+            points: points(strip.points_m),
+            closed: strip.closed,
+            corner_radius: strip.corner_radius.map_or(0.0, |radius| radius.0),
+        });
         Ok(WorldMap {
             obstacles,
-            slopes: self.slope.iter().map(Slope::ground).collect(),
-            frictions: self.friction.iter().map(FrictionPatch::ground).collect(),
-            tags: self.tag.iter().map(Tag::tag).collect(),
-            strips: self.strip.into_iter().map(Strip::strip).collect(),
+            slopes: slopes.collect(),
+            frictions: frictions.collect(),
+            tags: tags.collect(),
+            strips: strips.collect(),
         })
     }
 }
 
-impl Wall {
-    fn obstacle(self) -> (Option<Spanned<Name>>, Obstacle) {
-        let shape = ObstacleShape::Wall {
-            points: points(self.points_m),
-            closed: self.closed,
-            thickness: self.thickness.0,
-        };
-        (self.name, Obstacle::new(shape))
-    }
-}
-
-impl Block {
-    fn obstacle(self) -> (Option<Spanned<Name>>, Obstacle) {
-        let shape = rectangle(self.at_m, self.heading, self.length, self.width);
-        (self.name, Obstacle::new(ObstacleShape::Box(shape)))
-    }
-}
-
-impl Post {
-    fn obstacle(self) -> (Option<Spanned<Name>>, Obstacle) {
-        (self.name, Obstacle::circle(self.at_m.0, self.radius.0))
-    }
-}
-
-impl Rectangle {
-    fn shape(&self) -> world::Rectangle {
-        rectangle(self.at_m, self.heading, self.length, self.width)
-    }
-}
-
-impl Circle {
-    fn shape(&self) -> Disc {
-        Disc {
-            centre: self.at_m.0,
-            radius: self.radius.0,
-        }
-    }
-}
-
 impl Area {
-    fn area(&self) -> world::Shape {
+    fn shape(&self) -> world::Shape {
         match self {
-            Self::Rectangle(rectangle) => world::Shape::Rectangle(rectangle.shape()),
-            Self::Circle(circle) => world::Shape::Disc(circle.shape()),
+            Self::Rectangle(own) => {
+                let shape = rectangle(own.at_m, own.heading, [own.length, own.width]);
+                world::Shape::Rectangle(shape)
+            }
+            Self::Circle(own) => world::Shape::Disc(disc(own.at_m, own.radius)),
         }
     }
 }
 
-impl Slope {
-    fn ground(&self) -> world::Slope {
-        world::Slope {
-            area: self.area.area(),
-            slope: self.slope.0.to_radians(),
-            uphill: self.uphill.0.to_radians(),
-        }
-    }
-}
-
-impl FrictionPatch {
-    fn ground(&self) -> world::FrictionPatch {
-        world::FrictionPatch {
-            area: self.area.area(),
-            friction: self.friction.0,
-        }
-    }
-}
-
-impl Tag {
-    fn tag(&self) -> world::Tag {
-        world::Tag {
-            at: self.at_m.0,
-            number: self.number.0,
-        }
-    }
-}
-
-impl Strip {
-    fn strip(self) -> world::Strip {
-        world::Strip {
-            points: points(self.points_m),
-            closed: self.closed,
-            corner_radius: self.corner_radius.map_or(0.0, |radius| radius.0),
-        }
-    }
-}
-
-fn rectangle(at: Point, heading: Option<Direction>, length: Size, width: Size) -> world::Rectangle {
+fn rectangle(
+    at: Point,
+    heading: Option<Direction>,
+    [length, width]: [Size; 2],
+) -> world::Rectangle {
     let heading = heading.map_or(0.0, |heading| heading.0.to_radians());
     world::Rectangle::new(at.0, heading, length.0, width.0)
+}
+
+fn disc(at: Point, radius: Size) -> Disc {
+    Disc {
+        centre: at.0,
+        radius: radius.0,
+    }
 }
 
 fn points(line: Line) -> Vec<[f64; 2]> {
