@@ -92,6 +92,7 @@ impl Tracer<'_> {
             memory: Vec::new(),
             would_wait: &[-libc::EAGAIN],
             found: None,
+            seen: None,
             late: -libc::ETIMEDOUT,
         };
         self.retry(entry, retried, deadline)

@@ -29,6 +29,7 @@ impl Tracer<'_> {
             memory: Vec::new(),
             would_wait,
             found: None,
+            seen: None,
             late: -libc::EAGAIN,
         };
         let mut deadline = None;
@@ -67,10 +68,10 @@ impl Tracer<'_> {
     pub(crate) fn retry(
         &mut self,
         entry: Entry,
-        retried: Retried,
+        mut retried: Retried,
         deadline: Option<u64>,
     ) -> Result<Handling, Halt> {
-        let result = self.try_once(entry.tid, &retried)?;
+        let result = self.try_once(entry.tid, &mut retried)?;
         Ok(result.map_or(
             Handling::Block(Wait::Again(retried), deadline),
             Handling::Answer,
@@ -78,8 +79,17 @@ impl Tracer<'_> {
     }
 
     /// Makes it once; the result, unless it would have to wait.
-    pub(crate) fn try_once(&mut self, tid: Tid, retried: &Retried) -> Result<Option<i64>, Halt> {
+    pub(crate) fn try_once(
+        &mut self,
+        tid: Tid,
+        retried: &mut Retried,
+    ) -> Result<Option<i64>, Halt> {
         let (number, a) = retried.call;
+        let is_for_child = retried.would_wait == [0];
+        let seen = retried.seen.replace(self.schedule.children);
+        if is_for_child && seen == Some(self.schedule.children) {
+            return Ok(None);
+        }
         let result = if retried.memory.is_empty() {
             self.inject(tid, number, a)?
         } else {
@@ -92,6 +102,8 @@ impl Tracer<'_> {
             waits = address != 0 && Memory(tid).read_u32(address)? == 0;
         }
         self.schedule.happened += u64::from(!waits);
+        // Another thread may wait for the same child.
+        self.schedule.children += u64::from(is_for_child && !waits);
         Ok((!waits).then_some(result))
     }
 }

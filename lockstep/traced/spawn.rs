@@ -2,7 +2,7 @@
 
 use std::ffi::{CString, OsStr, OsString};
 use std::io::{self, Read as _, Write as _};
-use std::os::fd::AsRawFd as _;
+use std::os::fd::AsFd as _;
 use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
 use std::os::unix::net::UnixStream;
 
@@ -48,9 +48,9 @@ pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Err
     let (mut line, theirs) =
         UnixStream::pair().map_err(system("cannot make a line to the program"))?;
     let image = Image::new(file, &words, &environment, arch::filter(random), random);
-    let streams = (input.as_raw_fd(), program.output.as_raw_fd());
+    let streams = (input.as_fd(), program.output.as_fd());
     let copies = copies::some();
-    let pid = sys::child::fork(&image, theirs.as_raw_fd(), streams)
+    let pid = sys::child::fork(&image, theirs.as_fd(), streams)
         .map_err(system("cannot start a process for the program"))?;
     drop(theirs);
     // It fails if the process has been killed, which is found next.

@@ -128,6 +128,7 @@ impl Tracer<'_> {
             return Ok(());
         }
         let signal = libc::WSTOPSIG(status);
+        self.schedule.children += u64::from(status >> 16 != libc::PTRACE_EVENT_SECCOMP);
         match status >> 16 {
             libc::PTRACE_EVENT_SECCOMP => {
                 self.tree
@@ -218,6 +219,7 @@ impl Tracer<'_> {
         self.tree.threads.remove(&tid);
         self.tree.early.remove(&tid);
         self.schedule.happened += 1;
+        self.schedule.children += 1;
         if let Some(process) = self.tree.processes.remove(&tid) {
             self.limits.used += process.used;
             self.tree.threads.retain(|_, thread| thread.process != tid);

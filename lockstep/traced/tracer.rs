@@ -64,6 +64,8 @@ pub(crate) struct Schedule {
     pub(crate) waits: u64,
     /// Counts up whenever something has happened that a wait may be for.
     pub(crate) happened: u64,
+    /// The same for what parents wait for: the ends and stops of processes, and some more.
+    pub(crate) children: u64,
     /// Count of what had happened when time last went on.
     pub(crate) advanced: u64,
     /// A signal may have been sent to a thread that waits.

@@ -192,6 +192,7 @@ impl Tracer<'_> {
         let at_once = at_once != 0 || descriptor.is_nonblocking();
         let is_ready =
             descriptor.is_ready(flags) || flags == PollFlags::IN && self.has_signal(tid, fd);
+        // A wait that has begun before goes on to its own deadline.
         let before = self.tree.thread(tid)?.again_until.take();
         if at_once {
             let backs_off = if is_ready { None } else { self.query(entry) };

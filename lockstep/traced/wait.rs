@@ -132,6 +132,8 @@ pub(crate) struct Retried {
     pub(crate) would_wait: &'static [i32],
     /// Address of a word in which it says that it has found something, if that is not 0.
     pub(crate) found: Option<u64>,
+    /// Count of what had happened to processes when it was last made.
+    pub(crate) seen: Option<u64>,
     /// Value that it returns at the deadline.
     pub(crate) late: i32,
 }

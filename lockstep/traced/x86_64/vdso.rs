@@ -206,14 +206,18 @@ impl Vdso {
             let symbols = || functions.iter().map(|one| &one.symbol);
             let first = symbols().map(|one| one.st_value).min()?.next_multiple_of(8);
             let ends = symbols().map(|one| one.st_value.saturating_add(one.st_size));
-            let room = ends.max()?.saturating_sub(first);
-            let call = image.windows(2).position(|two| two == [0x0F, 0x05])?;
+            let end = ends.max()?;
+            let [from, to] = [first, end].map(|at| usize::try_from(at).unwrap_or(usize::MAX));
+            let old = image
+                .get(from..to)
+                .filter(|old| code(0).len() <= old.len())?;
+            let call = old.windows(2).position(|two| two == [0x0F, 0x05])?;
             Some(Self {
                 entry,
                 base,
-                first: Some(first).filter(|_| code(0).len() as u64 <= room)?,
+                first,
                 functions,
-                gate: base + call as u64,
+                gate: base + first + call as u64,
             })
         });
         if found.is_none() {
