@@ -26,8 +26,8 @@ const make = (tag, properties = {}, ...children) => {
   return element;
 };
 
-// What holds if it is left out, as its description says: "Which way; both unless given."
-const usually = (schema) => /; ([^;]+?) unless given/.exec(schema.description ?? "")?.[1] ?? "";
+// What holds if it is left out, as its description says: "Direction; default both."
+const usually = (schema) => /; default (.+?)\.(?:\s|$)/.exec(schema.description ?? "")?.[1] ?? "";
 
 // An input for a value of a schema: the element, and a function that reads it.
 function input(schema, defs, label, isRequired) {
@@ -135,6 +135,7 @@ function form(title, about, build, send) {
 // What opens to show a form.
 function folded(title, about, ...children) {
   const element = make("details", { className: "fold" }, make("summary", { textContent: title, title: about }));
+  element.dataset.name = title;
   element.dataset.title = `${title} ${about}`;
   element.append(make("p", { className: "about", textContent: about }), ...children);
   return element;
@@ -182,7 +183,7 @@ export function faultForms(schema, faults, kind, links, send) {
     const sees = make("p", { className: "about", textContent: `The client sees: ${fault.sees}` });
     return folded(fault.kind, fault.summary, sees, form("Inject", fault.summary, (place) => {
       const read = fields(place, one, defs, links > 1 ? ["kind"] : ["kind", "link"]);
-      const about = "How long it lasts; until it is cleared unless given.";
+      const about = "How long it lasts; default until it is cleared.";
       const lasts = make("input", { placeholder: "until cleared", title: about, autocomplete: "off" });
       lasts.setAttribute("aria-label", "for");
       place.append(make("label", { textContent: "for", title: about }), lasts);

@@ -4,6 +4,8 @@ export const SPAN = 60; // s of simulated time
 const LEAST_SPAN = 5;
 // While one looks at the past, it is kept longer.
 const KEPT = 3;
+// By which the arrow keys move the time that is looked at, s.
+const KEY_STEP = 0.05;
 
 export class History {
   constructor() {
@@ -56,12 +58,20 @@ export class Timeline {
     this.warnings = [];
     this.failures = [];
     range.addEventListener("input", () => this.show(Number(range.value) >= Number(range.max) ? null : Number(range.value)));
+    range.addEventListener("keydown", (event) => {
+      const way = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[event.key];
+      if (!way) return;
+      event.preventDefault();
+      const t = Number(range.value) + way * KEY_STEP;
+      this.show(t >= Number(range.max) ? null : t);
+    });
     live.addEventListener("click", () => this.show(null));
     setInterval(() => this.draw(), 100);
   }
 
   // Looks at this time, or at now.
   show(t) {
+    if (t !== null) t = Math.min(Math.max(t, this.history.first), this.history.last);
     this.past = t;
     this.history.isHeld = t !== null;
     this.draw();

@@ -30,6 +30,7 @@ let state = null;
 let schema = null;
 let units = new Map();
 let chosen = 0;
+let forms = []; // of the faults of the chosen device
 let stop = null;
 let paused = false;
 let isLive = false; // the simulator answers
@@ -63,7 +64,7 @@ function notice(text, t = null) {
     const show = document.createElement("button");
     show.textContent = "Show";
     show.title = "Look at this time";
-    show.addEventListener("click", () => timeline.show(Math.min(Math.max(t, history.first), history.last)));
+    show.addEventListener("click", () => timeline.show(t));
     item.append(show);
   }
   const close = document.createElement("button");
@@ -178,13 +179,16 @@ function showDevices() {
     await refresh();
   };
   element("operator").replaceChildren(...operatorForms(own, schema.operators[device.kind], send));
-  element("faults").replaceChildren(...faultForms(own, schema.faults, device.kind, device.ports.length, send));
+  forms = faultForms(own, schema.faults, device.kind, device.ports.length, send);
   filterFaults();
 }
 
 function filterFaults() {
   const wanted = element("find").value.toLowerCase();
-  for (const form of element("faults").children) form.hidden = !form.dataset.title.toLowerCase().includes(wanted);
+  for (const form of forms) form.hidden = !form.dataset.title.toLowerCase().includes(wanted);
+  // Those whose names have it come first.
+  const isNamed = (form) => form.dataset.name.toLowerCase().includes(wanted);
+  element("faults").replaceChildren(...forms.filter(isNamed), ...forms.filter((form) => !isNamed(form)));
 }
 
 // What a step does, in a few words.
@@ -197,33 +201,47 @@ function wordsOf(step) {
   return isNamed ? (text ? `${step.name}: ${text}` : step.name) : text || step.name;
 }
 
+function stepItem(name) {
+  const item = document.createElement("li");
+  item.dataset.step = name;
+  const text = document.createElement("span");
+  const about = document.createElement("span");
+  about.className = "about";
+  text.append(document.createElement("b"), " ", about);
+  item.append(text);
+  return item;
+}
+
+function clearButton(name) {
+  const clear = document.createElement("button");
+  clear.textContent = "Clear";
+  clear.disabled = !isLive;
+  clear.addEventListener("click", () => revert(name));
+  return clear;
+}
+
 function showSteps(steps) {
   const those = (...states) => steps.filter((step) => states.includes(step.state)).reverse();
   const shown = [...those("active", "waiting").slice(0, 100), ...those("failed").slice(0, MOST_OVER), ...those("done").slice(0, MOST_OVER)];
-  element("steps").replaceChildren(...shown.map((step) => {
-    const item = document.createElement("li");
+  const list = element("steps");
+  const known = new Map([...list.children].map((item) => [item.dataset.step, item]));
+  const items = shown.map((step) => {
+    const item = known.get(step.name) ?? stepItem(step.name);
+    known.delete(step.name);
     item.className = step.state;
-    const text = document.createElement("span");
-    const words = document.createElement("b");
-    words.textContent = wordsOf(step);
-    const about = document.createElement("span");
-    about.className = "about";
+    const words = wordsOf(step);
+    item.querySelector("b").textContent = words;
     const when = step.begun_s === null ? "" : step.state === "active" ? ` since ${step.begun_s.toFixed(3)} s` : ` at ${step.begun_s.toFixed(3)} s`;
     const hits = step.key !== "fault" ? "" : step.hits === 1 ? ", hit once" : `, ${step.hits} hits`;
     const device = state.devices.length > 1 ? `${step.device}: ` : "";
-    about.textContent = `${device}${step.state}${when}${hits}${step.why ? `. ${step.why}` : ""}`;
-    text.append(words, " ", about);
-    item.append(text);
-    if (step.clearable) {
-      const clear = document.createElement("button");
-      clear.textContent = "Clear";
-      clear.setAttribute("aria-label", `Clear ${words.textContent}`);
-      clear.disabled = !isLive;
-      clear.addEventListener("click", () => revert(step.name));
-      item.append(clear);
-    }
+    item.querySelector(".about").textContent = `${device}${step.state}${when}${hits}${step.why ? `. ${step.why}` : ""}`;
+    if (!step.clearable) item.querySelector("button")?.remove();
+    else if (!item.querySelector("button")) item.append(clearButton(step.name));
+    item.querySelector("button")?.setAttribute("aria-label", `Clear ${words}`);
     return item;
-  }));
+  });
+  // An item that stays is not touched: it may be about to be clicked, or have the focus.
+  if (items.length !== list.childElementCount || items.some((item, at) => item !== list.children[at])) list.replaceChildren(...items);
   element("idle").hidden = steps.some((step) => step.state === "active");
   element("clear").hidden = steps.filter((step) => step.clearable && step.added).length < 2;
   element("save").hidden = !journal.length || !schema;

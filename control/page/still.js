@@ -60,8 +60,11 @@ export class Still {
       draw.fillStyle = picture.colour(area.kind === "slope" ? "slope" : "slip");
       this.#path(area.outline);
       draw.fill();
+      draw.globalAlpha = 1;
+      draw.strokeStyle = draw.fillStyle;
+      draw.lineWidth = picture.hair;
+      draw.stroke();
     }
-    draw.globalAlpha = 1;
     draw.lineCap = "round";
     for (const strip of picture.world.strips) {
       draw.strokeStyle = picture.colour("strip");

@@ -90,8 +90,9 @@ PAIRS = """(pairs) => {
     return found;
 }"""
 # What is written and drawn on canvases, and edges of what can be used.
-ON_CANVAS = [("dim", "ground"), ("dim", "panel")]
-LINES = [(f"line-{at}", "panel") for at in range(1, 7)] + [("edge", "panel"), ("edge", "ground"), ("accent", "ground"), ("wall", "ground")]
+ON_CANVAS = [("dim", "ground"), ("dim", "panel")] + [(one, "place") for one in ["ink", "accent", "good", "warn", "bad"]]
+LINES = [(f"line-{at}", "panel") for at in range(1, 7)] + [("edge", "panel"), ("edge", "ground"), ("accent", "ground")]
+LINES += [(one, "ground") for one in ["wall", "strip", "tag", "slip", "slope", "ray", "path"]]
 
 
 def is_readable(page):
@@ -276,7 +277,10 @@ def looks_back(browser, simulator):
     # By key: on by a step, and to the end, which is now.
     slider.focus()
     page.keyboard.press("ArrowRight")
-    assert page.evaluate("sim.timeline.past") > then
+    assert abs(page.evaluate("sim.timeline.past") - then - 0.05) < 0.01
+    # Before the first frame there is nothing to look at.
+    page.evaluate("sim.timeline.show(-10)")
+    assert page.evaluate("sim.timeline.past === sim.history.first")
     page.keyboard.press("End")
     wait("now is shown", lambda: page.evaluate("sim.timeline.past === null && sim.picture.past === null"))
     # What was active has left its mark.
@@ -303,6 +307,14 @@ def offers(browser, simulator):
         fields = page.evaluate("[...document.querySelectorAll('#side input')].map((one) => one.value + one.placeholder)")
         assert len(fields) > 50 and not [text for text in fields if "[" in text or "{" in text], fields
     page.get_by_role("tab", name="r150").click()
+    # What holds if a field is left empty is seen in it.
+    mute = page.locator("#faults details:has(summary:text-is('mute'))")
+    assert mute.locator("option").first.text_content() == "to-client (default)"
+    # What has the word in its name comes before what has it in its description.
+    page.fill("#find", "cable")
+    found = page.evaluate("[...document.querySelectorAll('#faults > :not([hidden]) > summary')].map((one) => one.textContent)")
+    assert found[0] == "cable-pulled" and "mute" in found, found
+    page.fill("#find", "")
     # Every fault with each of its words is taken.
     page.evaluate(
         """async () => {
