@@ -187,6 +187,46 @@ fn bits_on_the_lines_are_the_bytes() {
     assert!(vcd.contains(" speed_mps $end") && vcd.contains("\nr0."));
 }
 
+#[test]
+fn waits_of_a_client_are_recorded_for_perfetto_alone() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let run = |output: &str, more: &[&str]| -> Vec<Value> {
+        let words = [
+            "run", "--time", "lockstep", "--seed", "1", "--output", output,
+        ];
+        let client = "exec 3<>\"$SIM_R150_PORT\"; sleep 1; sleep 0.5";
+        let client = ["drive.toml", "--", "sh", "-c", client];
+        folder.sim(&[&words, more, &client].concat()).expect_clean();
+        let trace = format!("{output}/drive.trace.jsonl");
+        folder.sim(&["replay", &trace]).expect_clean();
+        harness::json_lines(&folder.read(&trace))
+    };
+    let all = run("plain", &[]);
+    assert!(all.iter().all(|record| record["kind"] != "wait"));
+    let all = run("exported", &["--export", "perfetto", "--export-all"]);
+    let waits = all.iter().filter(|record| record["kind"] == "wait");
+    let waits = waits.map(|wait| {
+        let text = |key: &str| wait[key].as_str().unwrap().to_owned();
+        (wait["thread"].as_u64().unwrap(), text("name"), text("wait"))
+    });
+    let waits: Vec<_> = waits.collect();
+    let has = |name: &str, wait: &str| {
+        let all = waits.iter();
+        all.filter(|one| one.1 == name && one.2 == wait).count()
+    };
+    assert_eq!(
+        (has("sh", "for a child"), has("sleep", "for time to pass")),
+        (2, 2),
+        "{waits:?}"
+    );
+    let threads: BTreeMap<u64, &str> = waits.iter().map(|one| (one.0, &*one.2)).collect();
+    assert!(
+        threads.len() == 3 && threads.values().all(|last| last.is_empty()),
+        "{waits:?}"
+    );
+    assert!(folder.file("exported/drive.perfetto-trace").exists());
+}
+
 /// Plays a drive again up to a time, and calls a program that controls it.
 fn goes_on(
     folder: &Folder,

@@ -291,16 +291,14 @@ impl Perfetto {
                 let (mut client, mut about) = (Vec::new(), Vec::new());
                 int32::encode(1, &CLIENT, &mut client);
                 string::encode(6, &"client".to_owned(), &mut client);
-                let process = self.track(0, "client", Some((3, client)))?;
+                self.track(0, "client", Some((3, client)))?;
                 int32::encode(1, &CLIENT, &mut about);
                 int64::encode(2, &i64::try_from(*thread).unwrap_or(i64::MAX), &mut about);
                 string::encode(5, name, &mut about);
-                let track = self.track(process, &format!("thread {thread}"), Some((4, about)))?;
-                self.next_slice(
-                    *t,
-                    track,
-                    Some((wait.as_str(), "wait")).filter(|_| !wait.is_empty()),
-                )
+                // It belongs to its process by the number of that.
+                let track = self.track(0, &format!("thread {thread}"), Some((4, about)))?;
+                let next = (!wait.is_empty()).then_some((wait.as_str(), "wait"));
+                self.next_slice(*t, track, next)
             }
             Record::End { t, .. } => {
                 let mut open = self.open.clone().into_iter();
