@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use rigsim_pty::paths::Results;
 
 use crate::visible;
@@ -15,9 +15,15 @@ pub(crate) struct ReadyFile {
 }
 
 impl ReadyFile {
-    /// Writes `text` to `path`, in place of one that a killed simulator has left.
+    /// Writes `text` to `path`, in place of one that a killed simulator has left. Its folder must be there,
+    /// as for a port.
     pub(crate) fn write(path: &Path, text: String) -> anyhow::Result<Self> {
         let cannot = || format!("cannot write the ready file {}", visible::name(path));
+        let folder = path.parent().filter(|folder| *folder != Path::new(""));
+        if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+            let why = anyhow!("there is no directory {}", visible::name(folder));
+            return Err(why.context(cannot()));
+        }
         let file = Results::at(path, &["\"code\":\"ready\""]).with_context(cannot)?;
         file.write(text.as_bytes()).with_context(cannot)?;
         Ok(Self { file, text })

@@ -265,7 +265,10 @@ pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loade
     for path in files {
         match load_cases(given, path, &mut used, &mut others) {
             Ok(cases) => loaded.extend(cases),
-            Err(failure) => errors.push(format!("{:#}", failure.error)),
+            Err(failure) => {
+                let lines = format!("{:#}", failure.error);
+                errors.extend(lines.lines().map(str::to_owned));
+            }
         }
     }
     let unused = given
@@ -295,7 +298,8 @@ pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loade
     if errors.is_empty() {
         Ok(loaded)
     } else {
-        Err(Failure::usage(anyhow!(errors.join("\n"))))
+        // The first has it from the printing of all errors.
+        Err(Failure::usage(anyhow!(errors.join("\nerror: "))))
     }
 }
 
