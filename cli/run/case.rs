@@ -13,8 +13,8 @@ use rigsim_embed::serve::Stalls;
 use rigsim_pty::paths::Results;
 use rigsim_runner::scenario::OTHER_VEHICLES;
 use rigsim_runner::{Outcome, Run, Scenario};
+use rustix::fs::{OFlags, fcntl_setfl};
 use serde::{Deserialize, Serialize};
-use tempfile::NamedTempFile;
 
 use crate::args::{RunArgs, TimeArg};
 use crate::control::RequestQueue;
@@ -144,11 +144,12 @@ impl<'a> Case<'a> {
     pub(super) fn client_output(&self) -> anyhow::Result<File> {
         match self.client_log()? {
             Some(log) => log.into_file().context("cannot write the client's output"),
-            None => tempfile::Builder::new()
-                .append(true)
-                .tempfile()
-                .map(NamedTempFile::into_file)
-                .context("cannot make a file for the client's output"),
+            None => {
+                let what = "cannot make a file for the client's output";
+                let file = tempfile::tempfile().context(what)?;
+                fcntl_setfl(&file, OFlags::APPEND).context(what)?;
+                Ok(file)
+            }
         }
     }
 
