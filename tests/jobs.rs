@@ -172,12 +172,15 @@ fn a_fault_file_is_played_within_any_job() {
         ],
     );
     assert_eq!(among.lines().count(), 2, "{among}");
-    prints(
+    let wrong = prints(
         &folder,
-        &["check", "faults"],
+        &["check", "faults", "nowhere.toml"],
         2,
-        &["1 to 1000 [[device]]", "--job"],
+        &["1 to 1000 [[device]]", "--job", "nowhere.toml"],
     );
+    let is_error = |line: &str| line.starts_with("error: ");
+    assert!(wrong.lines().count() > 1, "{wrong}");
+    assert!(wrong.lines().all(is_error), "{wrong}");
     fs::write(
         folder.path().join("job.toml"),
         "schema = 1\nbase = \"job.toml\"\n",

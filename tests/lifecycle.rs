@@ -173,6 +173,10 @@ fn there_is_no_ready_file_when_no_client_can_connect() {
     fs::remove_file(port).unwrap();
     run(&["--pty", port, "--ready-file", "/sys/kernel/ready"])
         .expect_refusal(2, &["ready file /sys/kernel/ready"]);
+    // No folder is made, as none is for a port.
+    let nowhere = dir.path().join("nowhere/ready");
+    let nowhere = nowhere.to_str().unwrap();
+    run(&["--pty", port, "--ready-file", nowhere]).expect_refusal(2, &["there is no directory"]);
     assert!(names(dir.path()).is_empty(), "{:?}", names(dir.path()));
 }
 
