@@ -13,18 +13,19 @@
 use std::ffi::OsString;
 use std::fs;
 use std::io::{self, Read as _, Write as _};
+use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
+use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal, WaitOptions, WaitStatus};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
+use signal_hook::consts::{SIGCHLD, SIGHUP, SIGINT, SIGTERM};
+use signal_hook::low_level::pipe;
 
 use crate::exit::{Exit, Failure};
 
@@ -46,15 +47,6 @@ pub(crate) enum ClientEnd {
     NotStarted(String),
 }
 
-enum Change {
-    /// The simulator asks for the end, or has been killed.
-    Stop,
-    /// A child has ended.
-    Reaped(Pid, WaitStatus),
-    /// No child is left.
-    Alone,
-}
-
 /// The subcommand.
 pub(crate) fn supervise(command: &[OsString]) -> Result<Exit, Failure> {
     let end = run(command).map_err(Failure::system)?;
@@ -67,7 +59,9 @@ pub(crate) fn supervise(command: &[OsString]) -> Result<Exit, Failure> {
 fn run(command: &[OsString]) -> anyhow::Result<ClientEnd> {
     let (program, args) = command.split_first().context("no client is named")?;
     adopt_orphans()?;
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).context("cannot catch signals")?;
+    // Before there is a child, whose end might be missed.
+    let asked = catch(&[SIGINT, SIGTERM, SIGHUP]).context("cannot catch signals")?;
+    let ended = catch(&[SIGCHLD]).context("cannot catch signals")?;
     let spawned = Command::new(program)
         .args(args)
         .stdin(Stdio::null())
@@ -79,70 +73,59 @@ fn run(command: &[OsString]) -> anyhow::Result<ClientEnd> {
         Ok(client) => client,
         Err(error) => return Ok(ClientEnd::NotStarted(error.to_string())),
     };
-    let client = Pid::from_child(&client);
-    let (sender, changes) = crossbeam_channel::unbounded();
-    let stop = sender.clone();
-    std::thread::spawn(move || {
-        // There is no receiver once the client has ended.
-        while matches!(io::stdin().read(&mut [0]), Ok(count) if count > 0) {
-            let _ = stop.send(Change::Stop);
-        }
-        let _ = stop.send(Change::Stop);
-    });
-    let asked = sender.clone();
-    std::thread::spawn(move || {
-        for _ in signals.forever() {
-            let _ = asked.send(Change::Stop);
-        }
-    });
-    std::thread::spawn(move || reap(&sender));
-    attend(client, &changes)
+    attend(Pid::from_child(&client), &asked, &ended)
 }
 
-/// Reaps every child, for ever or until none is left.
-fn reap(sender: &Sender<Change>) {
-    loop {
-        let changes = match rustix::process::wait(WaitOptions::empty()) {
-            Ok(Some((pid, status))) => Change::Reaped(pid, status),
-            Ok(None) | Err(Errno::INTR) => continue,
-            Err(_) => Change::Alone,
-        };
-        let alone = matches!(changes, Change::Alone);
-        if sender.send(changes).is_err() || alone {
-            return;
-        }
+/// What can be read once one of the signals has arrived.
+fn catch(signals: &[i32]) -> io::Result<UnixStream> {
+    let (caught, sender) = UnixStream::pair()?;
+    caught.set_nonblocking(true)?;
+    for signal in signals {
+        pipe::register(*signal, sender.try_clone()?)?;
     }
+    Ok(caught)
 }
 
 /// Waits until no process is left, and sees to it once the client has ended or is to end.
-fn attend(client: Pid, changes: &Receiver<Change>) -> anyhow::Result<ClientEnd> {
+fn attend(client: Pid, asked: &UnixStream, mut ended: &UnixStream) -> anyhow::Result<ClientEnd> {
     let mut end = None;
     // When to stop asking and to kill.
     let mut patience: Option<Instant> = None;
     loop {
-        let heard = match patience {
-            None => changes.recv().map_err(|_| RecvTimeoutError::Disconnected),
-            Some(until) => {
-                let left = until.saturating_duration_since(Instant::now());
-                changes.recv_timeout(left.max(ROUND))
+        match rustix::process::wait(WaitOptions::NOHANG) {
+            Ok(Some((pid, status))) => {
+                if pid == client {
+                    end = end_of(status);
+                    ask(client, &mut patience);
+                }
+                continue;
             }
-        };
-        match heard {
-            Ok(Change::Reaped(pid, status)) if pid == client => {
-                end = end_of(status);
-                ask(client, &mut patience);
-            }
-            Ok(Change::Reaped(..)) => {}
-            Ok(Change::Stop) => ask(client, &mut patience),
-            Ok(Change::Alone) => return end.ok_or_else(|| anyhow!("the client vanished")),
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => {
-                return Err(anyhow!("no thread reaps the client any more"));
-            }
+            Ok(None) => {}
+            Err(Errno::INTR) => continue,
+            Err(_) => return end.ok_or_else(|| anyhow!("the client vanished")),
         }
-        if patience.is_some_and(|until| until <= Instant::now()) {
+        let left = patience.map(|until| until.saturating_duration_since(Instant::now()));
+        if left.is_some_and(|left| left.is_zero()) {
             signal_children(Signal::KILL);
         }
+        let left = left.and_then(|left| Timespec::try_from(left.max(ROUND)).ok());
+        // The simulator asks for the end, or has been killed.
+        let stdin = rustix::stdio::stdin();
+        let mut files = vec![PollFd::new(&ended, PollFlags::IN)];
+        if patience.is_none() {
+            files.extend([
+                PollFd::new(&stdin, PollFlags::IN),
+                PollFd::new(asked, PollFlags::IN),
+            ]);
+        }
+        match rustix::event::poll(&mut files, left.as_ref()) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(errno) => return Err(anyhow!(errno).context("cannot wait for the client")),
+        }
+        if files.iter().skip(1).any(|file| !file.revents().is_empty()) {
+            ask(client, &mut patience);
+        }
+        while matches!(ended.read(&mut [0; 64]), Ok(1..)) {}
     }
 }
 
