@@ -33,7 +33,7 @@ pub(crate) use hunt::{HuntArgs, StageArg};
 pub(crate) use merge::MergeArgs;
 pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg, again};
 pub(crate) use serve::ServeArgs;
-pub(crate) use shard::Shard;
+pub(crate) use shard::{Shard, shard};
 pub(crate) use vehicle::{CompareArgs, FitArgs, TapArgs};
 
 const EXAMPLES: &str = "\

@@ -2,6 +2,7 @@
 
 use std::any::Any;
 use std::backtrace::{Backtrace, BacktraceStatus};
+use std::collections::BTreeMap;
 use std::io::{ErrorKind, IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -41,6 +42,23 @@ pub(crate) fn progress(count: u64, form: &str) -> indicatif::ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+/// Refuses flags that name the same file.
+pub(crate) fn refuse_same_file<const N: usize>(
+    flags: [(&str, &Option<PathBuf>); N],
+) -> Result<(), Failure> {
+    let mut named = BTreeMap::new();
+    for (flag, path) in flags {
+        let path = path
+            .as_ref()
+            .and_then(|path| std::path::absolute(path).ok());
+        if let Some(other) = path.and_then(|path| named.insert(path, flag)) {
+            let why = anyhow!("{other} and {flag} name the same file");
+            return Err(Failure::usage(why));
+        }
+    }
+    Ok(())
 }
 
 /// A file of results that a flag names. It can be written, as was found out before anything was played.

@@ -29,7 +29,7 @@ use rigsim_runner::Scenario;
 use crate::args::{ExitArg, GivenArgs, RunArgs, Shard, TimeArg};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::print::{complain, print, progress};
+use crate::print::{complain, print, progress, refuse_same_file};
 use crate::scenario_files::{Given, Loaded, find, load_all};
 use crate::supervise::adopt_orphans;
 use crate::visible;
@@ -39,12 +39,13 @@ use junit::Junit;
 use page::Page;
 use view::View;
 
-pub(crate) use campaign::{Plan, merge, signature};
+pub(crate) use campaign::{Plan, merge};
 pub(crate) use case::{Case, CaseResult, Played, Verdict};
 pub(crate) use json::verdict as verdict_json;
 pub(crate) use live::NO_PORT_OPENED;
 pub(crate) use page::{MARKS as REPORT_MARKS, case_in_full, document as report_page};
 pub(crate) use pool::{play_quietly, stop_by_signals};
+pub(crate) use view::signature;
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
@@ -88,16 +89,22 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     };
     let results = match &args.results {
         Some(folder) => {
-            let plan = plan(shard, args, &loaded)?;
-            let (results, known) = campaign::resume(folder, shard, &plan)?;
-            leave_out_known(&mut cases, &plan, &known, &mut counts);
+            let plan = Plan::new(args, shard.of, &loaded)?;
+            let (results, known) = campaign::resume(folder, shard, plan)?;
+            leave_out_known(&mut cases, &known, &mut counts);
             Some(results)
         }
         None => None,
     };
-    let scratch = results.as_ref().map(|results| results.scratch().to_owned());
+    let scratch = (page.is_some() || results.is_some())
+        .then(|| tempfile::Builder::new().prefix("sim-run-").tempdir());
+    let scratch = scratch
+        .transpose()
+        .context("cannot make a folder for recordings");
+    let scratch = scratch.map_err(Failure::system)?;
+    let folder = scratch.as_ref().map(|folder| folder.path().to_owned());
     for case in &mut cases {
-        case.scratch = scratch.as_deref().or(page.as_ref().map(Page::scratch));
+        case.scratch = folder.as_deref();
     }
     let junit = args.junit.as_deref();
     let mut audience = Audience {
@@ -110,6 +117,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         junit: junit.map(|path| Junit::begin(path, &cases)).transpose()?,
         page: page.as_ref(),
         results,
+        scratch,
     };
     adopt_orphans().map_err(Failure::system)?;
     let wrong = pool::play_all(args, &cases, &mut audience);
@@ -136,10 +144,10 @@ fn cases<'a>(args: &'a RunArgs, loaded: &'a [Loaded]) -> (Vec<Case<'a>>, Shard) 
     // Two shards know the same case by its seed.
     let base = if is_campaign { 1 } else { random_seed() };
     let mut cases = Vec::new();
-    for (number, one) in loaded.iter().enumerate() {
+    for (file, one) in loaded.iter().enumerate() {
         let name = one.name();
         let case = |repeat| Case {
-            file_number: number,
+            number: file * args.repeat as usize + repeat as usize,
             ..Case::new(args, one, repeat, base)
         };
         let is_ours = |case: &Case<'_>| {
@@ -159,24 +167,12 @@ fn cases<'a>(args: &'a RunArgs, loaded: &'a [Loaded]) -> (Vec<Case<'a>>, Shard) 
     (cases, shard)
 }
 
-/// The plan of all shards.
-fn plan(shard: Shard, args: &RunArgs, loaded: &[Loaded]) -> Result<Plan, Failure> {
-    let first_two = |one| [0, 1].map(|repeat| Case::new(args, one, repeat, 1));
-    Plan::new(shard, &loaded.iter().map(first_two).collect::<Vec<_>>())
-}
-
 /// Takes out the cases whose verdicts are known. They count: a shard that failed and is started again
 /// has still failed.
-fn leave_out_known(
-    cases: &mut Vec<Case<'_>>,
-    plan: &Plan,
-    known: &[Option<Verdict>],
-    counts: &mut Counts,
-) {
+fn leave_out_known(cases: &mut Vec<Case<'_>>, known: &[Option<Verdict>], counts: &mut Counts) {
     let before = cases.len();
     cases.retain(|case| {
-        let place = plan.place(case.file_number, case.repeat.unwrap_or_default());
-        let verdict = place.and_then(|place| known[place]);
+        let verdict = known[case.number];
         verdict.into_iter().for_each(|verdict| counts.add(verdict));
         verdict.is_none()
     });
@@ -209,9 +205,11 @@ struct Audience<'a> {
     cases: &'a [Case<'a>],
     counts: Counts,
     progress: indicatif::ProgressBar,
-    junit: Option<Junit>,
+    junit: Option<Junit<'a>>,
     page: Option<&'a Page>,
     results: Option<Results>,
+    /// Folder of recordings that only the page or the results need.
+    scratch: Option<tempfile::TempDir>,
 }
 
 impl Audience<'_> {
@@ -223,10 +221,15 @@ impl Audience<'_> {
             page.known(index, case, result);
         }
         if let Some(results) = &mut self.results {
-            results.known(case.file_number, case, result)?;
+            results.known(case, result)?;
+        }
+        let has_use = self.results.is_some() && result.failed().is_some();
+        if let Some(trace) = case.scratch_recording().filter(|_| !has_use) {
+            // A thousand of them need not be there at a time. Of a case that was not played there is none.
+            let _ = fs::remove_file(trace);
         }
         match &mut self.junit {
-            Some(junit) => junit.known(index, case, result),
+            Some(junit) => junit.known(index, result),
             None => Ok(()),
         }
     }
@@ -244,7 +247,10 @@ impl Audience<'_> {
         let case = &self.cases[index];
         self.progress.inc(1);
         if let Some(results) = &mut self.results {
-            results.keep_trace(case, result)?;
+            if let (Some(trace), Some(failure)) = (case.scratch_recording(), result.failed()) {
+                results.keep_trace(&trace, failure)?;
+                let _ = fs::remove_file(trace);
+            }
             // A campaign has too many that passed.
             if result.verdict == Verdict::Passed {
                 return Ok(());
@@ -263,9 +269,9 @@ impl Audience<'_> {
         };
         self.progress.finish_and_clear();
         results.flush()?;
-        // Its folder for traces goes.
-        drop(results);
         self.junit.take().map_or(Ok(()), Junit::finish)?;
+        self.page.map_or(Ok(()), |page| page.write(self.cases))?;
+        drop(self.scratch.take());
         self.counts.finish()?;
         std::process::exit(Exit::System as i32);
     }
@@ -273,7 +279,7 @@ impl Audience<'_> {
 
 /// The verdict of a scenario that was served, in words.
 pub(crate) fn verdict_text(scenario: &Scenario, result: &CaseResult) -> String {
-    tell::verdict(&View::new(scenario, Some(result), true), result)
+    tell::verdict(&View::new(scenario, result, true), result)
 }
 
 /// A seed short enough to type again.
@@ -313,10 +319,7 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 
 /// Finds out now, and not when all has been played, whether results can be written.
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
-    if args.junit.is_some() && args.junit == args.report {
-        let why = anyhow!("--junit and --report name the same file");
-        return Err(Failure::usage(why));
-    }
+    refuse_same_file([("--junit", &args.junit), ("--report", &args.report)])?;
     let Some(output) = &args.output else {
         return Ok(());
     };

@@ -164,7 +164,9 @@ fn shards_give_what_one_machine_gives_to_the_byte() {
         printed.contains("20 passed, 10 failed, 0 skipped"),
         "{printed}"
     );
-    assert!(printed.contains("FAILED  10x  too fast"), "{printed}");
+    let failed = "FAILED  too fast: always `truth.speed_mps < 0.6`: failed in 10 of 30 cases\n  \
+                  case: files/ahead.toml pwm=900 #1: ";
+    assert!(printed.contains(failed), "{printed}");
 
     // More shards than some have cases for; the order does not matter.
     for shard in (1..=40).rev() {
@@ -226,14 +228,15 @@ fn a_shard_that_died_is_named_and_never_green() {
     let (exit, printed, files) = campaign.merge("out", &[]);
     assert_eq!(exit, 3, "{printed}");
     assert!(
-        printed.contains("shard 2/3: ") && printed.contains(" missing, as files/"),
+        printed.contains("MISSING results of shard 2/3: missing in ")
+            && printed.contains("  case: files/"),
         "{printed}"
     );
     assert!(files.iter().all(Vec::is_empty));
 
     let (exit, printed, files) = campaign.merge("out", &["--partial"]);
     assert_eq!(exit, 3, "{printed}");
-    assert!(printed.contains(" MISSING"), "{printed}");
+    assert!(printed.contains(" missing"), "{printed}");
     for file in files {
         let file = String::from_utf8_lossy(&file).to_lowercase();
         assert!(file.contains("missing"), "{file}");
@@ -326,7 +329,7 @@ fn signals_end_a_shard_and_keep_what_is_known() {
     }
     let (exit, printed, _) = campaign.merge("out", &["--partial"]);
     assert_eq!(exit, 3);
-    assert!(printed.contains(" MISSING"), "{printed}");
+    assert!(printed.contains(" missing"), "{printed}");
 }
 
 #[test]
@@ -336,14 +339,17 @@ fn results_of_two_plans_never_mix() {
     for (other, what) in [
         (
             &["--set", "r150.over_rate=silent"][..],
-            r#"`set`: ["r150.over_rate=silent"] and []"#,
+            "r150.over_rate=silent' --param 'pwm=300' files/ahead.toml\" and ",
         ),
-        (&["--seed", "7"], "files/ahead.toml pwm=300, its base"),
+        (
+            &["--seed", "7"],
+            "`files` `files/ahead.toml pwm=300` `seed`: 7 and 1",
+        ),
     ] {
         let output = campaign.play("2/2", "out", other);
         assert_eq!(code(&output), 2, "{}", text(&output));
         assert!(
-            text(&output).contains("results of another plan"),
+            text(&output).contains("is of another plan than this run"),
             "{}",
             text(&output)
         );
@@ -423,17 +429,16 @@ fn what_was_played_twice_counts_once_and_shows_what_differs() {
     // Two traces of one case.
     let mut differs = all.clone();
     differs.truncate(2);
-    differs[1]["trace"] = "0123".into();
+    differs[1]["trace"] = "0123456789abcdef0123456789abcdef".into();
     write_lines(&again, &differs);
     let (exit, printed, files) = campaign.merge("out", &[]);
     assert_eq!(exit, 1);
     assert!(printed.contains("1 not repeatable"), "{printed}");
-    assert!(printed.contains("digest of the trace 0123"), "{printed}");
-    assert!(
-        files
-            .iter()
-            .all(|file| String::from_utf8_lossy(file).contains("0123"))
-    );
+    for shown in [printed.as_bytes(), &files[0], &files[1], &files[2]] {
+        let shown = String::from_utf8_lossy(shown);
+        assert!(shown.contains("traces ") && shown.contains("0123456789abcdef"));
+        assert!(shown.contains(all[1]["trace"].as_str().unwrap().get(..16).unwrap()));
+    }
 
     // A case of another shard, as when every shard plays all, and one beyond the plan.
     let mut foreign = all.clone();
@@ -445,7 +450,7 @@ fn what_was_played_twice_counts_once_and_shows_what_differs() {
         "{printed}"
     );
     let mut beyond = all;
-    beyond[1]["repeat"] = 10.into();
+    beyond[1]["case"] = 30.into();
     write_lines(&again, &beyond);
     let (exit, printed, _) = campaign.merge("out", &[]);
     assert!(
@@ -489,6 +494,30 @@ fn the_engine_says_which_shard_it_is() {
 }
 
 #[test]
+fn outputs_of_a_merge_are_refused_before_any_is_written_and_are_of_no_other() {
+    let campaign = Campaign::new();
+    campaign.play("1/2", "out", &[]);
+    for other in ["same.xml", "./same.xml"] {
+        let output = campaign.sim(&["merge", "out", "--junit", "same.xml", "--report", other]);
+        assert_eq!(code(&output), 2);
+        let why = "--junit and --report name the same file";
+        assert!(text(&output).contains(why), "{}", text(&output));
+        assert!(!campaign.path("same.xml").exists());
+    }
+    // What is no output is found before the first is written.
+    fs::write(campaign.path("precious"), "precious").unwrap();
+    let output = campaign.sim(&["merge", "out", "--junit", "new.xml", "--json", "precious"]);
+    assert_eq!(code(&output), 2, "{}", text(&output));
+    assert!(!campaign.path("new.xml").exists());
+    // A merge that refuses leaves no results of an earlier one.
+    let words = ["merge", "out", "--junit", "new.xml"];
+    campaign.sim(&[&words[..], &["--partial"]].concat());
+    assert!(campaign.path("new.xml").metadata().unwrap().len() > 0);
+    assert_eq!(code(&campaign.sim(&words)), 3);
+    assert_eq!(campaign.path("new.xml").metadata().unwrap().len(), 0);
+}
+
+#[test]
 fn what_is_no_file_of_results_is_refused() {
     let campaign = Campaign::new();
     campaign.play("1/1", "out", &[]);
@@ -504,5 +533,5 @@ fn what_is_no_file_of_results_is_refused() {
     assert!(printed.contains("no header"), "{printed}");
     let output = campaign.sim(&["merge", "files"]);
     assert_eq!(code(&output), 3);
-    assert!(text(&output).contains("there are no results in files"));
+    assert!(text(&output).contains("files has no results of one campaign"));
 }

@@ -524,6 +524,29 @@ fn after_the_first_failure_nothing_new_is_begun() {
     );
     let junit = Report::deserialize_from_str(&folder.read("j.xml")).unwrap();
     assert_eq!((junit.tests, junit.failures), (3, 1));
+
+    // Thousands that were not played are one line for each file.
+    let files = ["--junit", "j.xml", "--report", "r.html"];
+    let words = ["run", "--fail-fast", "-j", "1", "--repeat", "1000"];
+    let ended = folder.sim(&[&words[..], &files, &["b.toml", "c.toml"]].concat());
+    let counts = "0 passed, 1 failed, 1999 skipped";
+    assert!(ended.out.contains(counts), "{}", ended.out);
+    let junit = Report::deserialize_from_str(&folder.read("j.xml")).unwrap();
+    assert_eq!((junit.tests, junit.failures), (3, 1));
+    let names: Vec<String> = junit
+        .test_suites
+        .iter()
+        .map(|suite| suite.name.to_string())
+        .collect();
+    assert_eq!(names, ["b.toml #1", "b.toml", "c.toml"]);
+    let page = folder.read("r.html");
+    for shown in [
+        ">1999 skipped<",
+        "before 999 cases were played",
+        "before 1000 cases were played",
+    ] {
+        assert!(page.contains(shown), "{page}");
+    }
 }
 
 #[test]

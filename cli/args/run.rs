@@ -9,7 +9,7 @@ use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, ValueEnum, value_parser};
 use rigsim_settings::Span;
 
-use super::{MAX_STALL, SettingsArgs, Shard, some_time, speed};
+use super::{MAX_STALL, SettingsArgs, Shard, shard, some_time, speed};
 use crate::exit::Exit;
 use crate::export::ExportFormat;
 
@@ -98,7 +98,7 @@ pub(crate) struct RunArgs {
     #[arg(long, requires = "export")]
     pub(crate) export_all: bool,
     /// Play only shard K of N. With `auto`, the variables of a CI server or a batch system choose it.
-    #[arg(long, value_name = "K/N|auto")]
+    #[arg(long, value_name = "K/N|auto", value_parser = shard)]
     pub(crate) shard: Option<Shard>,
     /// Add results to this folder, for `sim merge`. Cases that have a verdict there are not played
     /// again. Files without a seed begin with seed 1, as with --shard.

@@ -1,42 +1,32 @@
 //! `--shard`: the part of a campaign that one process plays.
 
 use std::fmt;
-use std::hash::Hasher as _;
-use std::str::FromStr;
 
-use siphasher::sip::SipHasher13;
-
+use crate::digest::digest;
 use crate::visible;
 
 /// Most shards of a campaign.
-const MOST_SHARDS: u32 = 100_000;
-
-/// Number of shards where the engine does not say it.
-const SHARDS: &str = "SIM_SHARDS";
+const MOST_SHARDS: u64 = 100_000;
 
 /// One of equal parts of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Shard {
     /// From 1.
-    pub(crate) index: u32,
-    pub(crate) of: u32,
+    pub(crate) index: u64,
+    pub(crate) of: u64,
     /// The engine whose variables say so.
     pub(crate) engine: Option<&'static str>,
 }
 
 /// Reads what `--shard` says.
-impl FromStr for Shard {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "auto" {
-            return find(|name| std::env::var(name).ok());
-        }
-        let (index, of) = text
-            .split_once('/')
-            .ok_or("wanted: K/N with K from 1 to N, as in 3/20, or auto")?;
-        let number = |text: &str| text.parse().map_err(|_| format!("`{text}` is no number"));
-        Self::new(number(index)?, number(of)?, None)
+pub(crate) fn shard(text: &str) -> Result<Shard, String> {
+    if text == "auto" {
+        return find(|name| std::env::var(name).ok());
+    }
+    let (index, of) = text.split_once('/').unwrap_or_default();
+    match (index.parse(), of.parse()) {
+        (Ok(index), Ok(of)) => Shard::new(index, of, None),
+        _ => Err("wanted: K/N with K from 1 to N, as in 3/20, or auto".to_owned()),
     }
 }
 
@@ -51,27 +41,19 @@ impl Shard {
     /// # Errors
     /// When `index` is not from 1 to `of`.
     fn new(index: u64, of: u64, engine: Option<&'static str>) -> Result<Self, String> {
-        let small = |number: u64| u32::try_from(number).ok().filter(|n| *n <= MOST_SHARDS);
-        match (small(index), small(of)) {
-            (Some(index), Some(of)) if (1..=of).contains(&index) => Ok(Self { index, of, engine }),
-            (Some(_), Some(_)) => Err(format!(
-                "shard {index} of {of}: shards count from 1 to {of}"
-            )),
-            _ => Err(format!("at most {MOST_SHARDS} shards")),
+        if !(1..=of).contains(&index) || of > MOST_SHARDS {
+            return Err(format!(
+                "shard {index} of {of}: shards count from 1 to {of}, and are at most {MOST_SHARDS}"
+            ));
         }
+        Ok(Self { index, of, engine })
     }
 
     /// Returns the number, from 1, of the shard that has a case. It depends on the case alone, so
     /// that a new file moves no other case.
-    pub(crate) fn owner(of: u32, case: &str, set: &[String], seed: u64) -> u32 {
-        let mut hasher = SipHasher13::new();
-        for part in [case].into_iter().chain(set.iter().map(String::as_str)) {
-            hasher.write(part.as_bytes());
-            hasher.write_u8(0);
-        }
-        hasher.write(&seed.to_le_bytes());
-        let place = hasher.finish() % u64::from(of);
-        u32::try_from(place).unwrap_or_default() + 1
+    pub(crate) fn owner(of: u64, case: &str, set: &[String], seed: u64) -> u64 {
+        let key = format!("{case}\0{}\0{seed}", set.join("\0"));
+        digest(key.as_bytes()) % of.max(1) + 1
     }
 }
 
@@ -81,33 +63,26 @@ impl fmt::Display for Shard {
     }
 }
 
-/// An engine that starts shards: each number is a variable, or the number itself.
-struct Engine {
-    name: &'static str,
-    /// Number of the shard.
-    index: &'static str,
-    /// Number of the first shard.
-    first: &'static str,
-    /// Distance between the numbers of two shards.
-    step: &'static str,
-    /// Number of shards, or of the last one.
-    shards: &'static str,
-    shards_is_last: bool,
-}
-
-/// Each by its own documentation.
+/// Engines that start shards, each by its own documentation: its name, and where it says the number of the
+/// shard, the number of the first, the distance of two numbers, and how many shards there are. That is a
+/// variable, or the number itself.
 #[rustfmt::skip]
-const ENGINES: &[Engine] = &[
-    Engine { name: "GitLab", index: "CI_NODE_INDEX", first: "1", step: "1", shards: "CI_NODE_TOTAL", shards_is_last: false },
-    Engine { name: "CircleCI", index: "CIRCLE_NODE_INDEX", first: "0", step: "1", shards: "CIRCLE_NODE_TOTAL", shards_is_last: false },
-    Engine { name: "Buildkite", index: "BUILDKITE_PARALLEL_JOB", first: "0", step: "1", shards: "BUILDKITE_PARALLEL_JOB_COUNT", shards_is_last: false },
-    Engine { name: "Bazel", index: "TEST_SHARD_INDEX", first: "0", step: "1", shards: "TEST_TOTAL_SHARDS", shards_is_last: false },
-    Engine { name: "Kubernetes", index: "JOB_COMPLETION_INDEX", first: "0", step: "1", shards: SHARDS, shards_is_last: false },
-    Engine { name: "AWS Batch", index: "AWS_BATCH_JOB_ARRAY_INDEX", first: "0", step: "1", shards: "AWS_BATCH_JOB_ARRAY_SIZE", shards_is_last: false },
-    Engine { name: "GNU parallel", index: "PARALLEL_SEQ", first: "1", step: "1", shards: SHARDS, shards_is_last: false },
-    Engine { name: "Slurm", index: "SLURM_ARRAY_TASK_ID", first: "SLURM_ARRAY_TASK_MIN", step: "SLURM_ARRAY_TASK_STEP", shards: "SLURM_ARRAY_TASK_COUNT", shards_is_last: false },
-    Engine { name: "Grid Engine", index: "SGE_TASK_ID", first: "SGE_TASK_FIRST", step: "SGE_TASK_STEPSIZE", shards: "SGE_TASK_LAST", shards_is_last: true },
+const ENGINES: [[&str; 5]; 9] = [
+    ["GitLab", "CI_NODE_INDEX", "1", "1", "CI_NODE_TOTAL"],
+    ["CircleCI", "CIRCLE_NODE_INDEX", "0", "1", "CIRCLE_NODE_TOTAL"],
+    ["Buildkite", "BUILDKITE_PARALLEL_JOB", "0", "1", "BUILDKITE_PARALLEL_JOB_COUNT"],
+    ["Bazel", "TEST_SHARD_INDEX", "0", "1", "TEST_TOTAL_SHARDS"],
+    ["Kubernetes", "JOB_COMPLETION_INDEX", "0", "1", SHARDS],
+    ["AWS Batch", "AWS_BATCH_JOB_ARRAY_INDEX", "0", "1", "AWS_BATCH_JOB_ARRAY_SIZE"],
+    ["GNU parallel", "PARALLEL_SEQ", "1", "1", SHARDS],
+    ["Slurm", "SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_MIN", "SLURM_ARRAY_TASK_STEP", "SLURM_ARRAY_TASK_COUNT"],
+    ["Grid Engine", "SGE_TASK_ID", "SGE_TASK_FIRST", "SGE_TASK_STEPSIZE", LAST],
 ];
+
+/// Number of shards where the engine does not say it.
+const SHARDS: &str = "SIM_SHARDS";
+/// Number of the last shard, where the engine says that instead.
+const LAST: &str = "SGE_TASK_LAST";
 
 /// Finds the shard that the environment names.
 ///
@@ -117,21 +92,18 @@ fn find(variable: impl Fn(&str) -> Option<String>) -> Result<Shard, String> {
     // What Grid Engine says to a job that is no array.
     let variable =
         |name: &str| variable(name).filter(|value| !matches!(value.as_str(), "" | "undefined"));
-    let engines = ENGINES.iter().filter(|one| variable(one.index).is_some());
-    let found = engines.map(|engine| engine.shard(&variable));
+    let engines = ENGINES.into_iter();
+    let engines = engines.filter(|[_, index, ..]| variable(index).is_some());
+    let found = engines.map(|engine| shard_of(engine, &variable));
     let found: Vec<Shard> = found.collect::<Result<_, _>>()?;
     let Some(shard) = found.first() else {
-        let names: Vec<&str> = ENGINES.iter().map(|engine| engine.index).collect();
-        let names = names.join(", ");
+        let names = ENGINES.map(|[_, index, ..]| index).join(", ");
         return Err(format!("none of {names} is set: say --shard K/N"));
     };
-    let same = |one: &Shard| (one.index, one.of) == (shard.index, shard.of);
-    if !found.iter().all(same) {
-        let said = found
-            .iter()
-            .map(|one| format!("{} says shard {one}", one.engine.unwrap_or_default()));
-        let said = said.collect::<Vec<_>>().join(", ");
-        return Err(format!("{said}: say which with --shard K/N"));
+    if found.iter().any(|one| one.to_string() != shard.to_string()) {
+        let says = |one: &Shard| format!("{} says shard {one}", one.engine.unwrap_or_default());
+        let said: Vec<String> = found.iter().map(says).collect();
+        return Err(format!("{}: say which with --shard K/N", said.join(", ")));
     }
     if let Some(path) = variable("TEST_SHARD_STATUS_FILE") {
         // Bazel takes its presence for the promise that shards are known here.
@@ -141,38 +113,33 @@ fn find(variable: impl Fn(&str) -> Option<String>) -> Result<Shard, String> {
     Ok(*shard)
 }
 
-impl Engine {
-    /// The shard that its variables name.
-    fn shard(&self, variable: &impl Fn(&str) -> Option<String>) -> Result<Shard, String> {
-        let number = |name: &str| {
-            let is_number = name.bytes().all(|byte| byte.is_ascii_digit());
-            let text = is_number.then(|| name.to_owned());
-            let text = text.or_else(|| variable(name)).ok_or_else(|| {
-                let what = match name == self.shards && !self.shards_is_last {
-                    true => "set it to the number of shards, or say --shard K/N",
-                    false => "say --shard K/N",
-                };
-                let (index, engine) = (self.index, self.name);
-                format!("{index} is set, by {engine}, but {name} is not: {what}")
-            })?;
-            text.parse::<u64>()
-                .map_err(|_| format!("{name} is `{}`, and not a number", visible::line(&text)))
-        };
-        let (index, first) = (number(self.index)?, number(self.first)?);
-        let step = number(self.step)?.max(1);
-        let count = match (self.shards_is_last, number(self.shards)?) {
-            (false, count) => count,
-            (true, last) => last.saturating_sub(first) / step + 1,
-        };
-        let distance = index.checked_sub(first).filter(|far| far % step == 0);
-        let place = distance.map(|distance| distance / step);
-        let place = place.filter(|place| *place < count).ok_or_else(|| format!(
-            "{} is {index}, which is none of the {count} numbers from {first} in steps of {step}: an \
-             array with gaps needs --shard K/N",
-            self.index
-        ))?;
-        Shard::new(place + 1, count, Some(self.name))
-    }
+/// The shard that the variables of an engine name.
+fn shard_of(
+    [engine, index, first, step, shards]: [&'static str; 5],
+    variable: &impl Fn(&str) -> Option<String>,
+) -> Result<Shard, String> {
+    let number = |name: &str| {
+        if let Ok(number) = name.parse::<u64>() {
+            return Ok(number);
+        }
+        let text = variable(name).ok_or_else(|| {
+            format!("{index} is set, by {engine}, but {name} is not: set it, or say --shard K/N")
+        })?;
+        text.parse()
+            .map_err(|_| format!("{name} is `{}`, and not a number", visible::line(&text)))
+    };
+    let (at, first, step) = (number(index)?, number(first)?, number(step)?.max(1));
+    let count = match (number(shards)?, shards) {
+        (last, LAST) => last.saturating_sub(first) / step + 1,
+        (count, _) => count,
+    };
+    let distance = at.checked_sub(first);
+    let distance = distance.filter(|far| far % step == 0 && far / step < count);
+    let distance = distance.ok_or_else(|| format!(
+        "{index} is {at}, which is none of the {count} numbers from {first} in steps of {step}: an array with \
+         gaps needs --shard K/N"
+    ))?;
+    Shard::new(distance / step + 1, count, Some(engine))
 }
 
 #[cfg(test)]

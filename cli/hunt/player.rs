@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::hash::Hasher as _;
-use std::io::{BufRead as _, BufReader, Seek as _, Write as _};
+use std::io::{BufReader, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -14,10 +14,13 @@ use rigsim_runner::Outcome;
 use rigsim_runner::run::{FailureKind, Margin};
 use rigsim_runner::trace::Record;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use siphasher::sip::SipHasher13;
 
-use crate::args::{RunArgs, Shard};
+use crate::args::RunArgs;
+use crate::digest::digest;
 use crate::exit::Failure;
+use crate::json_lines::Lines;
 use crate::run::{Case, CaseResult, Plan, Verdict, play_quietly, signature, stop_by_signals};
 use crate::scenario_files::{Given, Loaded, load_text};
 use crate::visible;
@@ -138,14 +141,14 @@ impl<'a> Player<'a> {
     pub(super) fn keep_journal(&mut self, text: &str, usual: &Seen) -> Result<(), Failure> {
         let path = self.journal_path();
         let identity = self.identity(text, usual)?;
-        let head = format!("{{\"hunt\":\"{identity:016x}\"}}\n");
+        let head = json!({ "hunt": format!("{identity:016x}") });
         let cannot = || format!("cannot keep the journal {}", visible::name(&path));
         let journal = Results::at(&path, &["{\"hunt\":\""]).and_then(Results::into_log);
         let mut journal = journal.with_context(cannot).map_err(Failure::usage)?;
         let (whole, runs) = read_journal(&journal, &head);
         self.journaled = runs;
         let begun = journal.set_len(whole).and_then(|()| match whole {
-            0 => journal.write_all(head.as_bytes()),
+            0 => writeln!(journal, "{head}"),
             _ => Ok(()),
         });
         begun.with_context(cannot).map_err(Failure::usage)?;
@@ -169,8 +172,7 @@ impl<'a> Player<'a> {
     /// client and those that are files, the simulator, and what both did without faults.
     fn identity(&self, text: &str, usual: &Seen) -> Result<u64, Failure> {
         let loaded = self.load(text)?;
-        let case = Case::new(&self.args, &loaded, 0, self.seed);
-        let plan = Plan::new(Shard::WHOLE, &[[case.clone(), case]])?;
+        let plan = Plan::new(&self.args, 1, std::slice::from_ref(&loaded))?;
         let plan = serde_json::to_string(&plan).map_err(Failure::system)?;
         let program = std::env::current_exe().and_then(fs::metadata);
         let program = program.map_err(Failure::system)?;
@@ -396,34 +398,17 @@ impl<'a> Player<'a> {
 }
 
 /// The runs in a journal, and the length of what is whole; none if it is one of another hunt.
-fn read_journal(journal: &File, head: &str) -> (u64, BTreeMap<u64, Seen>) {
-    let mut journal = journal;
-    if journal.rewind().is_err() {
-        return (0, BTreeMap::new());
+fn read_journal(mut journal: &File, head: &Value) -> (u64, BTreeMap<u64, Seen>) {
+    let mut runs = BTreeMap::new();
+    let begun = journal.rewind().is_ok();
+    let mut lines = Lines::new(BufReader::new(journal));
+    if !begun || !lines.next().is_ok_and(|first| first.as_ref() == Some(head)) {
+        return (0, runs);
     }
-    let mut text = BufReader::new(journal);
-    let (mut whole, mut runs) = (0, BTreeMap::new());
-    let mut line = String::new();
-    while let Ok(length) = text.read_line(&mut line) {
-        if whole == 0 && line != head || length == 0 || !line.ends_with('\n') {
-            break;
-        }
-        if whole > 0 {
-            let Ok((run, seen)) = serde_json::from_str(&line) else {
-                break;
-            };
-            runs.insert(run, seen);
-        }
-        whole += length as u64;
-        line.clear();
+    while let Ok(Some((run, seen))) = lines.next() {
+        runs.insert(run, seen);
     }
-    (whole, runs)
-}
-
-pub(super) fn digest(bytes: &[u8]) -> u64 {
-    let mut hasher = SipHasher13::new();
-    hasher.write(bytes);
-    hasher.finish()
+    (lines.whole, runs)
 }
 
 /// The key of a failure: the same for the same failure of two runs.

@@ -11,13 +11,14 @@ use rigsim_runner::RunOptions;
 use serde::Serialize;
 
 use crate::args::{HuntArgs, StageArg};
+use crate::digest::digest;
 use crate::exit::Failure;
 use crate::print::{complain, progress};
 use crate::recording;
 use crate::scenario_files::Loaded;
 
 use super::moments::{Moment, Samples};
-use super::player::{Player, Seen, digest, records};
+use super::player::{Player, Seen, records};
 use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, counted, kinds, step_name};
 
 /// Most runs of a round. What is played next depends on whole rounds only.

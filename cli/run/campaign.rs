@@ -8,20 +8,22 @@ mod outputs;
 mod plan;
 mod results;
 
-use std::path::{Path, PathBuf};
+use std::fs;
+use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
 
 use crate::args::{MergeArgs, Shard};
 use crate::exit::{Exit, Failure};
-use crate::print::{complain, print};
+use crate::print::{OutputFile, complain, print, refuse_same_file};
 use crate::run::case::Verdict;
+use crate::run::{junit, page};
 use crate::visible;
 
 use merged::Merged;
 
 pub(crate) use plan::Plan;
-pub(crate) use results::{Results, signature};
+pub(crate) use results::Results;
 
 /// Begins another attempt of a shard in a folder. Returns also the verdicts of the plan's cases that have one.
 ///
@@ -30,72 +32,66 @@ pub(crate) use results::{Results, signature};
 pub(crate) fn resume(
     folder: &Path,
     shard: Shard,
-    plan: &Plan,
+    plan: Plan,
 ) -> Result<(Results, Vec<Option<Verdict>>), Failure> {
-    let paths = match folder.exists() {
-        true => files_in(folder)?,
-        false => Vec::new(),
-    };
-    // A file that ends before its first line has nothing to be taken over.
-    let Some(earlier) = Merged::read(&paths, Some(shard.index)) else {
-        let results = Results::begin(folder, shard, plan)?;
-        return Ok((results, vec![None; plan.cases()]));
-    };
-    if let Some(what) = plan.difference(&earlier.plan) {
-        let folder = visible::name(folder);
-        return Err(Failure::usage(anyhow!(
-            "{folder} has results of another plan. They differ in {what}. Take an empty folder, or remove \
-             this one"
-        )));
-    }
+    let paths = fs::create_dir_all(folder).and_then(|()| results::files(folder));
+    let paths = paths
+        .with_context(|| format!("cannot keep results in {}", visible::name(folder)))
+        .map_err(Failure::usage)?;
+    let earlier = Merged::read(&paths, Some((&plan, shard.index)));
     if !earlier.refused.is_empty() {
-        return Err(Failure::usage(anyhow!(earlier.refused.join("\n"))));
+        let (why, folder) = (earlier.refused.join("\n"), visible::name(folder));
+        let why = anyhow!("{why}\nTake another folder than {folder}, or remove it");
+        return Err(Failure::usage(why));
     }
-    let results = Results::begin(folder, shard, plan)?;
-    Ok((results, earlier.verdicts()))
-}
-
-fn files_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    results::files(folder)
-        .with_context(|| format!("cannot read the folder {}", visible::name(folder)))
-        .map_err(Failure::usage)
+    Ok((Results::begin(folder, shard, plan)?, earlier.verdicts()))
 }
 
 /// The `merge` subcommand.
 pub(crate) fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
     let mut paths = Vec::new();
     for folder in &args.folders {
-        paths.extend(files_in(folder)?);
+        let found = results::files(folder)
+            .with_context(|| format!("cannot read the folder {}", visible::name(folder)));
+        paths.extend(found.map_err(Failure::usage)?);
     }
-    let Some(merged) = Merged::read(&paths, None) else {
+    let outputs: [(_, _, &[_]); 3] = [
+        ("--junit", &args.junit, junit::MARKS),
+        ("--report", &args.report, page::MARKS),
+        ("--json", &args.json, &["\"sim_merge\""]),
+    ];
+    refuse_same_file(outputs.map(|(flag, path, _)| (flag, path)))?;
+    let found = outputs.map(|(_, path, marks)| {
+        let found = path.as_deref().map(|path| OutputFile::find(path, marks));
+        found.transpose()
+    });
+    let files: Vec<_> = found.into_iter().collect::<Result<_, _>>()?;
+    // What an earlier merge found says nothing of this one.
+    for file in files.iter().flatten() {
+        file.clear()?;
+    }
+    let mut merged = Merged::read(&paths, None);
+    merged.refused.iter().for_each(|why| complain(why));
+    if !merged.refused.is_empty() || merged.first.is_empty() {
         let folders: Vec<String> = args.folders.iter().map(visible::name).collect();
-        let why = anyhow!("there are no results in {}", folders.join(" and "));
+        let why = anyhow!("{} has no results of one campaign", folders.join(" and "));
         return Err(Failure::system(why));
-    };
-    let summary = merged.summary();
-    let is_refused = !merged.refused.is_empty();
-    let is_whole = summary.missing == 0 && !is_refused;
-    // Whatever a torn file lacks is there if nothing is missing.
-    let torn = merged.torn.iter().filter(|_| summary.missing > 0);
-    let refused = merged.refused.iter();
-    refused.chain(torn).for_each(|line| complain(line));
-    if is_whole || args.partial && !is_refused {
-        summary.write(args)?;
-        print(&summary.to_string())?;
-        return Ok(if is_whole {
-            summary.exit()
-        } else {
-            Exit::System
-        });
     }
-    for finding in summary.findings.iter().filter(|one| one.kind == "missing") {
-        complain(&finding.what);
-    }
-    let hint = match is_refused {
-        false => {
-            "; play the missing ones with the same command, or see what is known with --partial"
+    if merged.name_missing() {
+        // Otherwise whatever a torn file lacks is there.
+        merged.torn.iter().for_each(|file| complain(file));
+        if !args.partial {
+            complain(&merged.text(true));
+            return Err(Failure::system(anyhow!(
+                "the results are incomplete; play the missing ones with the same command, or see what is \
+                 known with --partial"
+            )));
         }
-        true => "",
-    };
-    Err(Failure::system(anyhow!("the results are incomplete{hint}")))
+    }
+    let junit = merged.junit().map_err(Failure::system)?;
+    for (file, text) in files.iter().zip([junit, merged.page(), merged.json()]) {
+        file.as_ref().map_or(Ok(()), |file| file.write(&text))?;
+    }
+    print(&merged.text(false))?;
+    Ok(merged.exit())
 }

@@ -12,7 +12,7 @@ use rigsim_embed::ports::ShownPort;
 use rigsim_embed::serve::Stalls;
 use rigsim_pty::paths::Results;
 use rigsim_runner::scenario::OTHER_VEHICLES;
-use rigsim_runner::{Outcome, Run, Scenario};
+use rigsim_runner::{Outcome, Run, Scenario, run};
 use rustix::fs::{OFlags, fcntl_setfl};
 use serde::{Deserialize, Serialize};
 
@@ -38,8 +38,8 @@ pub(crate) struct Case<'a> {
     pub(crate) loaded: &'a Loaded,
     pub(crate) args: &'a RunArgs,
     pub(crate) seed: u64,
-    /// Number of its file among all, from 0.
-    pub(crate) file_number: usize,
+    /// Its number among the cases of all shards, from 0.
+    pub(crate) number: usize,
     /// Which time it is, from 0, if it is played several times.
     pub(crate) repeat: Option<u32>,
     /// Simulated seconds for each second of real time.
@@ -64,7 +64,7 @@ impl<'a> Case<'a> {
             loaded,
             args,
             seed: seed.wrapping_add(u64::from(repeat)),
-            file_number: 0,
+            number: 0,
             repeat: (args.repeat > 1).then_some(repeat),
             speed,
             allowed: timeout.unwrap_or(own),
@@ -174,10 +174,16 @@ impl<'a> Case<'a> {
         self.file(end).map(find).transpose()
     }
 
+    /// The file of its trace, if that is only for the page or the results.
+    pub(crate) fn scratch_recording(&self) -> Option<PathBuf> {
+        let scratch = self.scratch.filter(|_| self.output.is_none())?;
+        Some(self.file_in(scratch, "trace.jsonl"))
+    }
+
     /// The file of its trace, if there is to be one.
     pub(crate) fn recording(&self) -> Option<PathBuf> {
         let wanted = self.file("trace.jsonl");
-        wanted.or_else(|| Some(self.file_in(self.scratch?, "trace.jsonl")))
+        wanted.or_else(|| self.scratch_recording())
     }
 
     /// Returns whether its trace has what each thread of the client waits for.
@@ -207,9 +213,12 @@ impl<'a> Case<'a> {
 
     /// Command that shows the same again.
     pub(crate) fn command(&self) -> String {
-        let mut words: Vec<OsString> = ["sim", "run", "--seed"].map(OsString::from).into();
-        words.push(self.seed.to_string().into());
-        words.extend(self.args.again.iter().cloned());
+        format!("sim run --seed {} {}", self.seed, self.again())
+    }
+
+    /// The words of that command after the seed.
+    pub(crate) fn again(&self) -> String {
+        let mut words = self.args.again.clone();
         let mut flag = |flag: &str, value: OsString| words.extend([flag.into(), value]);
         for (name, value) in &self.loaded.parameters {
             flag("--param", format!("{name}={value}").into());
@@ -224,6 +233,41 @@ impl<'a> Case<'a> {
         }
         visible::command(words.iter().map(OsString::as_os_str))
     }
+}
+
+/// Cases of a file that have no result.
+pub(super) struct Unplayed<'a> {
+    pub(super) first: &'a Case<'a>,
+    pub(super) count: usize,
+}
+
+impl Unplayed<'_> {
+    /// Name of the case, or of the file of several.
+    pub(super) fn name(&self) -> String {
+        match self.count {
+            1 => self.first.name(),
+            _ => self.first.loaded.name(),
+        }
+    }
+}
+
+/// The cases that have no result, by files.
+pub(super) fn unplayed<'a>(
+    cases: &'a [Case<'a>],
+    is_known: impl Fn(usize) -> bool,
+) -> Vec<Unplayed<'a>> {
+    let mut unplayed: Vec<Unplayed<'_>> = Vec::new();
+    let cases = cases.iter().enumerate();
+    for (_, case) in cases.filter(|(index, _)| !is_known(*index)) {
+        match unplayed.last_mut() {
+            Some(last) if std::ptr::eq(last.first.loaded, case.loaded) => last.count += 1,
+            _ => unplayed.push(Unplayed {
+                first: case,
+                count: 1,
+            }),
+        }
+    }
+    unplayed
 }
 
 /// Result of a case.
@@ -248,29 +292,46 @@ pub(crate) struct Played {
     pub(crate) stalled: Option<Stalls>,
 }
 
-/// A verdict.
+/// A verdict, the best first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Verdict {
     Passed,
-    /// The client failed, or the vehicle did what it should not.
-    Failed,
     /// It was not played, or the client gave no occasion for what it is about.
     Skipped,
+    /// The client failed, or the vehicle did what it should not.
+    Failed,
+    /// It was played twice, with different results.
+    #[serde(rename = "not repeatable")]
+    NotRepeatable,
     /// Caused by the file, the client's command, the machine or the simulator.
     Error,
+    /// No result of it is known.
+    Missing,
     /// A signal asked for the end.
     Aborted,
 }
 
 impl Verdict {
+    /// Those that a case of a campaign can have.
+    pub(crate) const ALL: [Self; 6] = [
+        Self::Passed,
+        Self::Skipped,
+        Self::Failed,
+        Self::NotRepeatable,
+        Self::Error,
+        Self::Missing,
+    ];
+
     /// The word for it, everywhere.
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Passed => "passed",
             Self::Failed => "failed",
             Self::Skipped => "skipped",
+            Self::NotRepeatable => "not repeatable",
             Self::Error => "error",
+            Self::Missing => "missing",
             Self::Aborted => "aborted",
         }
     }
@@ -278,8 +339,8 @@ impl Verdict {
     /// The same at the beginning of a line of a terminal, where what needs attention stands out.
     pub(crate) fn heading(self) -> String {
         match self {
-            Self::Failed | Self::Error => self.word().to_uppercase(),
-            _ => self.word().to_owned(),
+            Self::Passed | Self::Skipped | Self::Aborted => self.word().to_owned(),
+            _ => self.word().to_uppercase(),
         }
     }
 
@@ -287,8 +348,8 @@ impl Verdict {
     pub(crate) fn exit(self) -> Exit {
         match self {
             Self::Passed | Self::Skipped => Exit::Clean,
-            Self::Failed => Exit::Failed,
-            Self::Error | Self::Aborted => Exit::System,
+            Self::Failed | Self::NotRepeatable => Exit::Failed,
+            Self::Error | Self::Missing | Self::Aborted => Exit::System,
         }
     }
 }
@@ -297,19 +358,13 @@ impl Verdict {
 pub(crate) fn counts(of: &BTreeMap<Verdict, usize>) -> String {
     let count = |verdict| of.get(&verdict).copied().unwrap_or_default();
     let [passed, failed] = [Verdict::Passed, Verdict::Failed].map(count);
-    let mut text = format!(
-        "{passed} passed, {failed} failed, {} skipped",
-        count(Verdict::Skipped)
-    );
-    for (verdict, one, several) in [
-        (Verdict::Error, "error", "errors"),
-        (Verdict::Aborted, "aborted", "aborted"),
-    ] {
-        match count(verdict) {
-            0 => {}
-            1 => text += &format!(", 1 {one}"),
-            count => text += &format!(", {count} {several}"),
-        }
+    let skipped = count(Verdict::Skipped);
+    let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
+    let others = of.iter().filter(|(verdict, _)| **verdict > Verdict::Failed);
+    for (verdict, count) in others.filter(|(_, count)| **count > 0) {
+        let is_plural = *verdict == Verdict::Error && *count > 1;
+        let word = verdict.word();
+        text += &format!(", {count} {word}{}", if is_plural { "s" } else { "" });
     }
     text
 }
@@ -372,10 +427,11 @@ impl CaseResult {
         }
     }
 
-    /// What failed first, if anything did.
-    pub(crate) fn failed(&self) -> Option<&str> {
-        let first = self.played.as_ref()?.outcome.failures.first();
-        first.map(|failure| failure.what.as_str())
+    /// What failed first, of a verdict about the client.
+    pub(crate) fn failed(&self) -> Option<&run::Failure> {
+        let played = self.played.as_ref();
+        let played = played.filter(|_| self.verdict == Verdict::Failed)?;
+        played.outcome.failures.first()
     }
 
     /// Returns `true` if it failed, and the machine may be the cause.

@@ -3,6 +3,7 @@
 //! Each scenario is a test suite, with a test case for each time that it was played, since only
 //! suites can have properties everywhere.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -13,7 +14,7 @@ use crate::exit::Failure;
 use crate::print::OutputFile;
 use crate::visible;
 
-use super::case::{Case, CaseResult, Verdict};
+use super::case::{Case, CaseResult, Verdict, unplayed};
 use super::view::View;
 
 /// Multiple of the last writing's time for which is played on before the next: with thousands of
@@ -25,27 +26,27 @@ pub(super) const MARKS: &[&str] = &["<testsuites", "<testsuite "];
 
 /// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a
 /// whole document.
-pub(crate) struct Junit {
+pub(crate) struct Junit<'a> {
     to: OutputFile,
-    report: Report,
+    cases: &'a [Case<'a>],
+    /// By the places of their cases.
+    known: BTreeMap<usize, TestSuite>,
     /// Time at which it was written, and how long that took.
     written: Option<(Instant, Duration)>,
     /// Something is known that is not written.
     is_behind: bool,
 }
 
-impl Junit {
+impl<'a> Junit<'a> {
     /// A file in which nothing is known of the cases.
     ///
     /// # Errors
     /// When it cannot be written, or something else is there that is no file of results.
-    pub(crate) fn begin(path: &Path, cases: &[Case<'_>]) -> Result<Self, Failure> {
-        let to = OutputFile::find(path, MARKS)?;
-        let mut report = Report::new("sim");
-        report.test_suites = cases.iter().map(|case| suite(case, None)).collect();
+    pub(crate) fn begin(path: &Path, cases: &'a [Case<'a>]) -> Result<Self, Failure> {
         let mut junit = Self {
-            to,
-            report,
+            to: OutputFile::find(path, MARKS)?,
+            cases,
+            known: BTreeMap::new(),
             written: None,
             is_behind: true,
         };
@@ -56,13 +57,11 @@ impl Junit {
     }
 
     /// A case has a result.
-    pub(crate) fn known(
-        &mut self,
-        index: usize,
-        case: &Case<'_>,
-        result: &CaseResult,
-    ) -> Result<(), Failure> {
-        self.report.test_suites[index] = suite(case, Some(result));
+    pub(crate) fn known(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
+        let case = &self.cases[index];
+        let view = View::new(&case.loaded.scenario, result, case.is_live());
+        let suite = suite_of(case, &case.name(), &view, Some(result));
+        self.known.insert(index, suite);
         self.is_behind = true;
         self.catch_up()
     }
@@ -90,27 +89,39 @@ impl Junit {
 
     fn write(&mut self) -> Result<(), Failure> {
         let begun = Instant::now();
-        let text = self.text().map_err(Failure::system)?;
+        let unplayed = unplayed(self.cases, |index| self.known.contains_key(&index));
+        let (places, mut suites): (Vec<usize>, Vec<TestSuite>) =
+            std::mem::take(&mut self.known).into_iter().unzip();
+        suites.extend(unplayed.iter().map(|one| {
+            let view = View::unplayed(one.count);
+            suite_of(one.first, &one.name(), &view, None)
+        }));
+        let mut report = Report::new("sim");
+        report.test_suites = suites;
+        let text = document(&mut report).map_err(Failure::system)?;
+        self.known = places.into_iter().zip(report.test_suites).collect();
         self.to.write(&text)?;
         self.written = Some((Instant::now(), begun.elapsed()));
         self.is_behind = false;
         Ok(())
     }
+}
 
-    fn text(&mut self) -> anyhow::Result<String> {
-        let report = &mut self.report;
-        let sum = |of: fn(&TestSuite) -> usize| report.test_suites.iter().map(of).sum();
-        (report.tests, report.failures) = (sum(|suite| suite.tests), sum(|suite| suite.failures));
-        (report.errors, report.skipped) = (sum(|suite| suite.errors), sum(|suite| suite.skipped));
-        let times = report.test_suites.iter().filter_map(|suite| suite.time);
-        report.time = Some(times.sum());
-        Ok(without_skipped_total(&self.report.to_string()?))
-    }
+/// A document, with the sums of its suites.
+pub(super) fn document(report: &mut Report) -> anyhow::Result<String> {
+    let sum = |of: fn(&TestSuite) -> usize| report.test_suites.iter().map(of).sum();
+    let (tests, failures) = (sum(|suite| suite.tests), sum(|suite| suite.failures));
+    let (errors, skipped) = (sum(|suite| suite.errors), sum(|suite| suite.skipped));
+    (report.tests, report.failures) = (tests, failures);
+    (report.errors, report.skipped) = (errors, skipped);
+    let times = report.test_suites.iter().filter_map(|suite| suite.time);
+    report.time = Some(times.sum());
+    Ok(without_skipped_total(&report.to_string()?))
 }
 
 /// The schema that Jenkins publishes knows no total of skipped tests over all suites, and the
 /// library always writes one.
-pub(super) fn without_skipped_total(text: &str) -> String {
+fn without_skipped_total(text: &str) -> String {
     let Some(begin) = text.find("<testsuites ") else {
         return text.to_owned();
     };
@@ -129,12 +140,19 @@ pub(super) fn without_skipped_total(text: &str) -> String {
 
 /// Text as it may go into the document: shown as on a terminal, so that the library finds nothing
 /// to take out and XML nothing that it forbids.
-pub(super) fn text(text: &str) -> String {
+fn text(text: &str) -> String {
     visible::lines(text).into_owned()
 }
 
-fn suite(case: &Case<'_>, result: Option<&CaseResult>) -> TestSuite {
-    let mut suite = TestSuite::new(case.name());
+/// A suite of a case that was played, or of others of its file that were not.
+fn suite_of(
+    case: &Case<'_>,
+    name: &str,
+    view: &View<'_>,
+    result: Option<&CaseResult>,
+) -> TestSuite {
+    let stem = visible::name(&case.loaded.stem());
+    let mut suite = suite(name, &stem, &case.loaded.scenario.title, view);
     let mut property = |name: &str, value: &str| {
         suite.add_property(Property::new(format!("sim.{name}"), text(value)));
     };
@@ -146,28 +164,30 @@ fn suite(case: &Case<'_>, result: Option<&CaseResult>) -> TestSuite {
     if let Some(trace) = case.file("trace.jsonl") {
         property("trace", &visible::name(&trace));
     }
-    let view = View::new(&case.loaded.scenario, result, case.is_live());
-    for note in &view.notes {
-        property(&note.label.replace(' ', "_"), &note.text);
-    }
-    let played = result.and_then(|result| result.played.as_ref());
-    for rule in played.iter().flat_map(|played| &played.outcome.margins) {
+    let Some(played) = result.and_then(|result| result.played.as_ref()) else {
+        return suite;
+    };
+    for rule in &played.outcome.margins {
         let value = format!("{:.4} at {} s: {}", rule.margin, rule.at, rule.what);
         property("margin", &value);
     }
-    if let Some(stalled) = result.and_then(|result| result.played.as_ref()?.stalled) {
+    if let Some(stalled) = played.stalled {
         let seconds = |time: Duration| format!("{:.3}", time.as_secs_f64());
         property("stalled_s", &seconds(stalled.total));
         property("stalled_longest_s", &seconds(stalled.longest));
     }
-    let test = test_case(case, result, &view);
-    suite.set_time(test.time.unwrap_or_default());
-    suite.add_test_case(test);
+    suite.test_cases[0].set_time(played.took);
+    suite.set_time(played.took);
     suite
 }
 
-fn test_case(case: &Case<'_>, result: Option<&CaseResult>, view: &View<'_>) -> TestCase {
-    let title = visible::line(&case.loaded.scenario.title);
+/// A suite of one test case.
+pub(super) fn suite(name: &str, class: &str, title: &str, view: &View<'_>) -> TestSuite {
+    let mut suite = TestSuite::new(text(name));
+    for note in &view.notes {
+        let name = format!("sim.{}", note.label.replace(' ', "_"));
+        suite.add_property(Property::new(name, text(&note.text)));
+    }
     let kind = match view.verdict {
         Verdict::Failed => "scenario",
         verdict => verdict.word(),
@@ -175,19 +195,20 @@ fn test_case(case: &Case<'_>, result: Option<&CaseResult>, view: &View<'_>) -> T
     let reason = view.reason.as_deref().unwrap_or_default();
     let mut lines = view.lines();
     lines.extend(view.notes.iter().map(ToString::to_string));
-    let mut test = TestCase::new(title, status(view.verdict, kind, reason, &lines));
+    let status = status(view.verdict, kind, reason, &lines);
+    let mut test = TestCase::new(visible::line(title), status);
     // Shown as a tree by its dots.
-    let stem = visible::name(&case.loaded.stem());
-    test.set_classname(format!("sim.{}", stem.replace('.', "_")));
-    let played = result.and_then(|result| result.played.as_ref());
-    test.set_time(played.map_or(Duration::ZERO, |played| played.took));
+    test.set_classname(format!("sim.{}", text(class).replace('.', "_")));
+    test.set_time(Duration::ZERO);
     if let Some(client) = view.client {
         test.set_system_out(text(&client.output));
     }
     if !view.failures.is_empty() {
         test.set_system_err(text(&surroundings(view.failures)));
     }
-    test
+    suite.set_time(Duration::ZERO);
+    suite.add_test_case(test);
+    suite
 }
 
 /// Events before each failure.
@@ -200,21 +221,18 @@ fn surroundings(failures: &[run::Failure]) -> String {
 }
 
 /// The status of a test case with this verdict, and what there is to say of it.
-pub(super) fn status(
-    verdict: Verdict,
-    kind: &str,
-    message: &str,
-    lines: &[String],
-) -> TestCaseStatus {
+fn status(verdict: Verdict, kind: &str, message: &str, lines: &[String]) -> TestCaseStatus {
     let mut status = match verdict {
         Verdict::Passed => return TestCaseStatus::success(),
         Verdict::Skipped => TestCaseStatus::skipped(),
-        Verdict::Failed => TestCaseStatus::non_success(NonSuccessKind::Failure),
-        Verdict::Error | Verdict::Aborted => TestCaseStatus::non_success(NonSuccessKind::Error),
+        Verdict::Failed | Verdict::NotRepeatable => {
+            TestCaseStatus::non_success(NonSuccessKind::Failure)
+        }
+        Verdict::Error | Verdict::Missing | Verdict::Aborted => {
+            TestCaseStatus::non_success(NonSuccessKind::Error)
+        }
     };
-    if !kind.is_empty() {
-        status.set_message(text(message)).set_type(kind);
-    }
+    status.set_message(text(message)).set_type(kind);
     if !lines.is_empty() {
         status.set_description(text(&lines.join("\n")));
     }

@@ -15,7 +15,6 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
 
-use anyhow::Context as _;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rigsim_core::device::Devices;
 
@@ -24,9 +23,9 @@ use crate::exit::Failure;
 use crate::print::OutputFile;
 use crate::visible::{self, lines as readable};
 
-use super::case::{Case, CaseResult, Verdict};
+use super::case::{Case, CaseResult, Verdict, unplayed};
 use super::view::View;
-use case::{Detail, shown};
+use case::{Detail, note, shown};
 
 const STYLE: &str = include_str!("page/style.css");
 /// By this a report is known, which may be replaced.
@@ -42,8 +41,6 @@ pub(crate) struct Page {
     to: OutputFile,
     /// What was played, and how.
     about: Vec<(&'static str, String)>,
-    /// Folder of recordings that are for the page alone.
-    folder: tempfile::TempDir,
     shown: Mutex<Shown>,
 }
 
@@ -61,20 +58,12 @@ impl Page {
     /// Makes sure that it can be written later on.
     pub(crate) fn begin(devices: Devices, path: &Path, args: &RunArgs) -> Result<Self, Failure> {
         let to = OutputFile::begin(path, MARKS)?;
-        let folder = tempfile::Builder::new().prefix("sim-report-").tempdir();
-        let folder = folder.context("cannot make a folder for recordings");
         Ok(Self {
             devices,
             to,
             about: about(args),
-            folder: folder.map_err(Failure::system)?,
             shown: Mutex::default(),
         })
-    }
-
-    /// Folder of recordings that only this page needs.
-    pub(crate) fn scratch(&self) -> &Path {
-        self.folder.path()
     }
 
     /// Adds a case that was played, whose recording is there. Without a picture when `stop` becomes
@@ -86,13 +75,6 @@ impl Page {
         let detail = self.shown().detail(played.outcome.failures.is_empty());
         let text = shown(self.devices, case, result, played, detail, stop).into_string();
         self.shown().cases.insert(case.name(), text);
-        if let Some(trace) = case
-            .recording()
-            .filter(|trace| trace.starts_with(self.scratch()))
-        {
-            // A thousand of them need not be there at a time.
-            let _ = std::fs::remove_file(trace);
-        }
     }
 
     fn shown(&self) -> MutexGuard<'_, Shown> {
@@ -101,21 +83,33 @@ impl Page {
 
     /// A case has a result.
     pub(crate) fn known(&self, index: usize, case: &Case<'_>, result: &CaseResult) {
-        self.shown()
-            .rows
-            .insert(index, Row::new(case, Some(result)));
+        let view = View::new(&case.loaded.scenario, result, case.is_live());
+        let played = result.played.as_ref();
+        let row = Row {
+            seed: Some(case.seed),
+            time: played.map(|played| played.outcome.ended_at.as_secs_f64()),
+            ..Row::new(&case.name(), &case.loaded.scenario.title, view)
+        };
+        self.shown().rows.insert(index, row);
     }
 
     /// Writes the page, also of an aborted run.
     pub(crate) fn write(&self, cases: &[Case<'_>]) -> Result<(), Failure> {
         let mut shown = self.shown();
-        let row = |(index, case)| {
-            let known = shown.rows.remove(&index);
-            known.unwrap_or_else(|| Row::new(case, None))
-        };
-        let rows: Vec<Row> = cases.iter().enumerate().map(row).collect();
-        self.to
-            .write(&page(&self.about, &rows, &shown.cases).into_string())
+        let unplayed = unplayed(cases, |index| shown.rows.contains_key(&index));
+        let mut rows: Vec<Row> = std::mem::take(&mut shown.rows).into_values().collect();
+        let mut counts = BTreeMap::new();
+        for row in &mut rows {
+            row.inside = shown.cases.remove(&row.name);
+            *counts.entry(row.verdict).or_default() += 1;
+        }
+        for one in unplayed {
+            let title = &one.first.loaded.scenario.title;
+            rows.push(Row::new(&one.name(), title, View::unplayed(one.count)));
+            *counts.entry(Verdict::Skipped).or_default() += one.count;
+        }
+        let text = page(&self.about, &counts, &rows).into_string();
+        self.to.write(&text)
     }
 }
 
@@ -153,54 +147,56 @@ fn about(args: &RunArgs) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// A case in the table.
-struct Row {
+/// Something in the table.
+pub(super) struct Row {
     name: String,
-    seed: u64,
     title: String,
     verdict: Verdict,
     /// Reason for the verdict, or a summary of what passed.
     says: String,
+    seed: Option<u64>,
     /// Simulated, s.
     time: Option<f64>,
+    /// What is shown of it below the table.
+    inside: Option<String>,
 }
 
 impl Row {
-    fn new(case: &Case<'_>, result: Option<&CaseResult>) -> Self {
-        let view = View::new(&case.loaded.scenario, result, case.is_live());
-        let played = result.and_then(|result| result.played.as_ref());
+    pub(super) fn new(name: &str, title: &str, view: View<'_>) -> Self {
+        let inside = html! { @for one in &view.notes { (note(one)) } };
         Self {
-            name: case.name(),
-            seed: case.seed,
-            title: case.loaded.scenario.title.clone(),
+            name: name.to_owned(),
+            title: title.to_owned(),
             verdict: view.verdict,
+            inside: (!view.notes.is_empty()).then(|| inside.into_string()),
             says: view.reason.or(view.summary).unwrap_or_default(),
-            time: played.map(|played| played.outcome.ended_at.as_secs_f64()),
+            seed: None,
+            time: None,
         }
     }
 }
 
-/// The whole page.
-fn page(about: &[(&str, String)], rows: &[Row], cases: &BTreeMap<String, String>) -> Markup {
-    let mut counts = BTreeMap::new();
-    for row in rows {
-        *counts.entry(row.verdict).or_insert(0_usize) += 1;
-    }
+/// The whole page, with the number of cases that have each verdict.
+pub(super) fn page(
+    about: &[(&str, String)],
+    counts: &BTreeMap<Verdict, usize>,
+    rows: &[Row],
+) -> Markup {
     let passed = counts.get(&Verdict::Passed).copied().unwrap_or_default();
-    let title = format!("{passed} of {} passed", rows.len());
+    let all = counts.values().sum();
     let body = html! {
-        (filter(&counts, rows.len()))
+        (filter(counts, all))
         (table(rows))
         @for failed in [true, false] {
             @for (index, row) in rows.iter().enumerate() {
                 @if (row.verdict != Verdict::Passed) == failed
-                    && let Some(inside) = cases.get(&row.name) {
+                    && let Some(inside) = &row.inside {
                     (shown_case(index, row, inside))
                 }
             }
         }
     };
-    document(&title, about, &body)
+    document(&format!("{passed} of {all} passed"), about, &body)
 }
 
 /// Everything of a case whose recording is there, if it has begun.
@@ -247,8 +243,8 @@ fn filter(counts: &BTreeMap<Verdict, usize>, all: usize) -> Markup {
         fieldset.filter {
             label { input type="radio" name="show" id="show-all" checked; (all) " in all" }
             @for (verdict, count) in counts {
-                @let word = verdict.word();
-                label { input type="radio" name="show" id=(format!("show-{word}")); (count) " " (word) }
+                @let id = format!("show-{}", class(*verdict));
+                label { input type="radio" name="show" id=(id); (count) " " (verdict.word()) }
             }
         }
     }
@@ -260,7 +256,7 @@ fn table(rows: &[Row]) -> Markup {
             thead { tr { th { "verdict" } th { "case" } th { "reason" } th.number { "seed" } th.number { "time" } } }
             tbody {
                 @for (index, row) in rows.iter().enumerate() {
-                    tr class=(row.verdict.word()) {
+                    tr class=(class(row.verdict)) {
                         td { (badge(row.verdict)) }
                         td {
                             a href=(format!("#case-{index}")) { (readable(&row.title)) }
@@ -268,7 +264,7 @@ fn table(rows: &[Row]) -> Markup {
                             small { (readable(&row.name)) }
                         }
                         td { (readable(&row.says)) }
-                        td.number { (row.seed) }
+                        td.number { @if let Some(seed) = row.seed { (seed) } }
                         td.number { @if let Some(time) = row.time { (format!("{time:.1} s")) } }
                     }
                 }
@@ -278,8 +274,12 @@ fn table(rows: &[Row]) -> Markup {
 }
 
 pub(super) fn badge(verdict: Verdict) -> Markup {
-    let word = verdict.word();
-    html! { span class=(format!("badge {word}")) { (word) } }
+    html! { span class=(format!("badge {}", class(verdict))) { (verdict.word()) } }
+}
+
+/// Name of a verdict in the style sheet.
+fn class(verdict: Verdict) -> String {
+    verdict.word().replace(' ', "-")
 }
 
 /// A case that failed is open, one that passed is folded.
@@ -296,7 +296,7 @@ fn shown_case(index: usize, row: &Row, inside: &str) -> Markup {
                 div id=(id) { (inside) }
             }
         } @else {
-            article class=(format!("case {}", row.verdict.word())) id=(id) {
+            article class=(format!("case {}", class(row.verdict))) id=(id) {
                 h2 { (head) }
                 (inside)
             }

@@ -58,19 +58,13 @@ pub(crate) fn planned(case: &Case<'_>) -> String {
 
 /// Result of a case in words, in full if it failed.
 pub(crate) fn result(case: &Case<'_>, result: &CaseResult) -> String {
-    let view = View::new(&case.loaded.scenario, Some(result), case.is_live());
-    let heading = view.verdict.heading();
-    let mut text = format!("{heading:<7} {}", case.name());
+    let view = View::new(&case.loaded.scenario, result, case.is_live());
     let Some(played) = &result.played else {
-        let _ = write!(
-            text,
-            ": {}",
-            visible::line(&view.reason.unwrap_or_default())
-        );
-        return text;
+        return brief(&case.name(), &view);
     };
     let outcome = &played.outcome;
-    let _ = write!(text, ": {}", simulated(outcome));
+    let heading = view.verdict.heading();
+    let mut text = format!("{heading:<7} {}: {}", case.name(), simulated(outcome));
     if case.is_live() {
         let (took, time) = (played.took.as_secs_f64(), case.time_word());
         let _ = write!(text, " in {took:.1} s, {time} time");
@@ -100,6 +94,17 @@ pub(crate) fn result(case: &Case<'_>, result: &CaseResult) -> String {
         let _ = write!(text, "\n  trace: {}", visible::name(&trace));
     }
     let _ = write!(text, "\n  again: {}", case.command());
+    text
+}
+
+/// Verdict and reason, and notes below them.
+pub(crate) fn brief(name: &str, view: &View<'_>) -> String {
+    let (heading, name) = (view.verdict.heading(), visible::line(name));
+    let reason = view.reason.as_deref().unwrap_or_default();
+    let mut text = format!("{heading:<7} {name}: {}", visible::line(reason));
+    for note in &view.notes {
+        let _ = write!(text, "\n  {}", visible::line(&note.to_string()));
+    }
     text
 }
 

@@ -10,7 +10,7 @@ use crate::summary::counted;
 
 use super::case::{CaseResult, PlayedClient, Verdict};
 
-/// A case that has a result, or that was not played.
+/// A case, or cases that have something in common.
 pub(crate) struct View<'a> {
     pub(crate) verdict: Verdict,
     /// Reason for a verdict other than `passed`, in a line: the first cause, if there are several.
@@ -41,26 +41,33 @@ impl fmt::Display for Note {
 }
 
 impl<'a> View<'a> {
-    /// `is_live` says that there is a real client.
-    pub(crate) fn new(
-        scenario: &'a Scenario,
-        result: Option<&'a CaseResult>,
-        is_live: bool,
-    ) -> Self {
-        let mut view = Self {
-            verdict: result.map_or(Verdict::Skipped, |result| result.verdict),
-            reason: result.and_then(|result| result.why.clone()),
+    /// Nothing but a verdict and its reason.
+    pub(crate) fn bare(verdict: Verdict, reason: Option<String>) -> Self {
+        Self {
+            verdict,
+            reason,
             about: None,
             expected: None,
             failures: &[],
             notes: Vec::new(),
             summary: None,
             client: None,
+        }
+    }
+
+    /// So many cases that were not played.
+    pub(crate) fn unplayed(count: usize) -> Self {
+        let what = match count {
+            1 => "this was".to_owned(),
+            count => format!("{count} cases were"),
         };
-        let Some(result) = result else {
-            view.reason = Some("the run ended before this was played".to_owned());
-            return view;
-        };
+        let reason = format!("the run ended before {what} played");
+        Self::bare(Verdict::Skipped, Some(reason))
+    }
+
+    /// `is_live` says that there is a real client.
+    pub(crate) fn new(scenario: &'a Scenario, result: &'a CaseResult, is_live: bool) -> Self {
+        let mut view = Self::bare(result.verdict, result.why.clone());
         let Some(played) = &result.played else {
             return view;
         };
@@ -126,7 +133,7 @@ impl<'a> View<'a> {
         view
     }
 
-    fn note(&mut self, label: &'static str, texts: impl Iterator<Item = String>) {
+    pub(crate) fn note(&mut self, label: &'static str, texts: impl Iterator<Item = String>) {
         self.notes.extend(texts.map(|text| Note { label, text }));
     }
 
@@ -160,6 +167,21 @@ impl<'a> View<'a> {
     }
 }
 
+/// What failed, without the values that it was found by and other numbers outside of conditions, so
+/// that the same failure of two seeds has the same.
+pub(crate) fn signature(what: &str) -> String {
+    let what = what.split(", but ").next().unwrap_or(what);
+    let mut parts: Vec<String> = what.split('`').map(str::to_owned).collect();
+    for part in parts.iter_mut().step_by(2) {
+        while let Some(from) = part.find(|c: char| c.is_ascii_digit()) {
+            let number = part[from..].find(|c: char| !c.is_ascii_digit() && c != '.');
+            let to = number.map_or(part.len(), |length| from + length);
+            part.replace_range(from..to, "#");
+        }
+    }
+    parts.join("`")
+}
+
 /// Counts of an outcome: `3 of 3 faults hit, 214 requests, 9.3 m`.
 fn summary(outcome: &Outcome) -> String {
     let faults = outcome.faults.iter();
@@ -191,3 +213,6 @@ fn stall(stalled: Stalls) -> Option<String> {
         )
     })
 }
+
+#[cfg(test)]
+mod tests;

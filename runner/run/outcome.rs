@@ -4,7 +4,7 @@ use std::fmt;
 
 use rigsim_core::SimTime;
 use rigsim_core::report::Report;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// How near a rule, a response or an expectation came to being broken.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,7 +60,7 @@ pub struct Context {
 }
 
 /// What a failure is about. Causes come before their consequences.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FailureKind {
     /// A rule, a response, an expectation or a demand of the file.

@@ -2,10 +2,9 @@ use super::*;
 
 #[test]
 fn a_shard_counts_from_one_to_the_number_of_shards() {
-    let parse = |text: &str| text.parse::<Shard>();
-    assert_eq!(parse("3/20"), Shard::new(3, 20, None));
+    assert_eq!(shard("3/20"), Shard::new(3, 20, None));
     for wrong in ["0/3", "4/3", "3", "a/3", "1/0", "1/100001", "-1/3", ""] {
-        assert!(parse(wrong).is_err(), "{wrong}");
+        assert!(shard(wrong).is_err(), "{wrong}");
     }
 }
 
@@ -14,7 +13,7 @@ fn each_case_has_one_owner_and_shards_are_about_equal() {
     let mut counts = [0_u32; 7];
     for seed in 0..7000 {
         let owner = Shard::owner(7, "a.toml", &[], seed);
-        counts[owner as usize - 1] += 1;
+        counts[usize::try_from(owner).unwrap() - 1] += 1;
     }
     assert!(
         counts.iter().all(|count| (850..1150).contains(count)),

@@ -1,37 +1,36 @@
 //! Results of all shards, put together.
 
 use std::collections::BTreeMap;
-use std::hash::Hasher as _;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
 
+use anyhow::{Context as _, bail, ensure};
+use flate2::bufread::MultiGzDecoder;
 use indexmap::IndexMap;
-use siphasher::sip::SipHasher13;
 
+use crate::json_lines::Lines;
 use crate::run::case::Verdict;
 use crate::visible;
 
-use super::outputs::{Example, FileSummary, Finding, Summary, VERDICTS, Verdicts};
 use super::plan::Plan;
-use super::results::{Line, Part, TRACES, Tail, read};
+use super::results::{Header, Line, TRACES};
 
-/// Most entries of a list that is printed.
-const MOST_LISTED: usize = 20;
-/// Most cases that were different when they were played again, of which both results are shown.
-const MOST_DIFFERENT: usize = 100;
-/// Digits of a digest that are shown.
-const DIGITS: usize = 16;
+/// Most cases of a campaign.
+const MOST_CASES: usize = 10_000_000;
+/// Most reasons of a refusal that are listed.
+const MOST_REFUSED: usize = 20;
 
 /// Everything that is known of a campaign.
+#[derive(Default)]
 pub(super) struct Merged {
     pub(super) plan: Plan,
-    /// File that the plan is from.
-    first: String,
-    /// By the place of the case.
-    cases: Vec<Option<Known>>,
-    /// The first cases of each failure, with the reason of each.
-    failures: IndexMap<(Verdict, String), BTreeMap<usize, String>>,
-    /// By the places of cases whose results differed, both of them.
-    different: BTreeMap<usize, [String; 2]>,
+    /// File that the plan is from; empty if there was none.
+    pub(super) first: String,
+    /// By their numbers.
+    pub(super) cases: Vec<Option<Known>>,
+    /// Kinds of results: a verdict, and what failed.
+    pub(super) kinds: IndexMap<(Verdict, String), Group>,
     /// Why this is no whole campaign.
     pub(super) refused: Vec<String>,
     /// Files that end too early; they matter if results are missing.
@@ -40,280 +39,152 @@ pub(super) struct Merged {
 
 /// Result of a case.
 #[derive(Clone, Copy)]
-struct Known {
-    verdict: Verdict,
-    /// Number of its failure, of one that has a reason.
-    failure: Option<u32>,
-    /// Of all that is the same each time.
-    digest: u64,
-    /// The first digits of the digest of its trace.
-    trace: [u8; DIGITS],
+pub(super) struct Known {
+    pub(super) verdict: Verdict,
+    /// Number of its kind.
+    kind: usize,
+    /// The first half of the digest of its trace. What is the same to the byte has the same.
+    trace: u64,
+}
+
+/// Cases whose results are of one kind.
+#[derive(Default)]
+pub(super) struct Group {
+    pub(super) count: usize,
+    /// The first of them, and the reason of each. They are more than are shown, since a case may come to
+    /// be of another kind.
+    pub(super) first: BTreeMap<usize, String>,
 }
 
 impl Merged {
-    /// Reads all files, or of those of other shards than `only` the plan; `None` if there is no plan in
-    /// them.
-    pub(super) fn read(paths: &[PathBuf], only: Option<u32>) -> Option<Self> {
-        let mut merged: Option<Self> = None;
-        let (mut refused, mut torn) = (Vec::new(), Vec::new());
+    /// Reads all files; of those of other shards than `ours` only the plan, which has to be ours.
+    pub(super) fn read(paths: &[PathBuf], ours: Option<(&Plan, u64)>) -> Self {
+        let mut merged = Self::default();
+        if let Some((plan, _)) = ours {
+            merged.begin(plan.clone(), "this run");
+        }
         for path in paths {
             let shown = visible::name(path);
-            let mut shard = 0;
-            let tail = read(path, |part| {
-                let (header, merged) = match (part, &mut merged) {
-                    (Part::Line(line), Some(merged)) => {
-                        merged.take(&shown, shard, line);
-                        return Ok(true);
-                    }
-                    (Part::Line(_), None) => return Ok(true),
-                    (Part::Header(header), merged) => (header, merged),
-                };
-                shard = header.shard;
-                let merged = merged.get_or_insert_with(|| Self::new(&shown, header.plan.clone()));
-                let is_wanted = only.is_none_or(|only| only == shard);
-                Ok(merged.has_plan(&shown, &header.plan) && is_wanted)
-            });
-            match tail {
-                Ok(Tail::Whole) => {}
-                Ok(Tail::Torn) => torn.push(format!(
-                    "{shown} has no end: the process that writes it still runs, or was killed"
-                )),
-                Err(error) => refused.push(format!("{error:#}")),
+            if let Err(error) = merged.file(path, &shown, ours.map(|(_, shard)| shard)) {
+                merged.refuse(format!("{shown}: {error:#}"));
             }
         }
-        let mut merged = merged?;
-        merged.refused.extend(refused);
-        merged.torn = torn;
-        Some(merged)
+        merged
     }
 
-    fn new(path: &str, plan: Plan) -> Self {
-        Self {
-            first: path.to_owned(),
-            cases: vec![None; plan.cases()],
-            failures: IndexMap::new(),
-            different: BTreeMap::new(),
-            refused: Vec::new(),
-            torn: Vec::new(),
-            plan,
+    fn begin(&mut self, plan: Plan, first: &str) {
+        self.cases = vec![None; plan.cases()];
+        (self.plan, self.first) = (plan, first.to_owned());
+    }
+
+    fn refuse(&mut self, why: String) {
+        if self.refused.len() < MOST_REFUSED {
+            self.refused.push(why);
         }
     }
 
-    /// Returns whether the plan of a file is that of the others.
-    fn has_plan(&mut self, path: &str, plan: &Plan) -> bool {
-        let difference = self.plan.difference(plan);
-        if let Some(what) = &difference {
-            let first = &self.first;
-            self.refused.push(format!(
-                "{path} is of another plan than {first}. They differ in {what}"
+    fn file(&mut self, path: &Path, shown: &str, only: Option<u64>) -> anyhow::Result<()> {
+        let file = File::open(path).context("cannot read it")?;
+        let text = MultiGzDecoder::new(BufReader::new(file));
+        let mut lines = Lines::new(BufReader::new(text));
+        if let Some(Header { shard, plan }) = lines.next().context("no header")? {
+            if self.first.is_empty() {
+                ensure!(plan.cases() <= MOST_CASES, "more than {MOST_CASES} cases");
+                self.begin(plan, shown);
+            } else if let Some(what) = self.plan.difference(&plan) {
+                let first = &self.first;
+                bail!("it is of another plan than {first}. They differ in {what}");
+            }
+            while only.is_none_or(|only| only == shard)
+                && let Some(line) = lines.next().context("a malformed line")?
+            {
+                self.take(shown, shard, line);
+            }
+        }
+        if lines.is_torn {
+            self.torn.push(format!(
+                "{shown} has no end: the process that writes it still runs, or was killed"
             ));
         }
-        difference.is_none()
+        Ok(())
     }
 
-    fn take(&mut self, path: &str, shard: u32, line: Line) {
-        let place = self.plan.place(line.file, line.repeat);
-        let is_planned =
-            |place: &usize| self.plan.at(*place).1 == line.seed && self.plan.owner(*place) == shard;
-        let Some(place) = place.filter(is_planned) else {
-            if self.refused.len() < MOST_LISTED {
-                let name = visible::line(&line.name);
-                self.refused.push(format!(
-                    "{path}: {name}, seed {}, is no case of shard {shard}",
-                    line.seed
-                ));
-            }
-            return;
-        };
-        let known = self.known(place, line);
-        if let Some(other) = self.cases[place] {
-            let both = other.verdict < Verdict::Error && known.verdict < Verdict::Error;
-            if both && other.digest != known.digest && self.different.len() < MOST_DIFFERENT {
-                let shown = [other, known].map(|one| self.shown(one));
-                self.different.insert(place, shown);
-            }
-            // An error of the machine gives way to a verdict, a verdict to a worse one.
-            let is_better = match both {
-                true => known.verdict > other.verdict,
-                false => known.verdict < Verdict::Error,
-            };
-            if !is_better {
+    /// Names what has no result. Returns whether there is such.
+    pub(super) fn name_missing(&mut self) -> bool {
+        let missing = (0..self.cases.len()).filter(|number| self.cases[*number].is_none());
+        let missing: Vec<usize> = missing.collect();
+        for number in &missing {
+            let (shard, _) = self.plan.key(*number).unwrap_or_default();
+            let what = format!("results of shard {shard}/{}", self.plan.shards);
+            let kind = (Verdict::Missing, what);
+            self.put(*number, kind, "there is no result".to_owned(), 0);
+        }
+        !missing.is_empty()
+    }
+
+    /// Takes a result. Whatever comes first, an error of the machine gives way to a verdict, and two
+    /// verdicts that differ become one.
+    fn take(&mut self, path: &str, shard: u64, line: Line) {
+        let number = line.case;
+        if self.plan.key(number) != Some((shard, line.seed)) {
+            let (name, seed) = (visible::line(&line.name), line.seed);
+            let why = format!("{path}: {name}, seed {seed}, is no case of shard {shard}");
+            return self.refuse(why);
+        }
+        let digits = line.trace.as_deref().and_then(|trace| trace.get(..16));
+        let trace = digits.and_then(|digits| u64::from_str_radix(digits, 16).ok());
+        let trace = trace.unwrap_or_default();
+        let mut kind = (line.verdict, line.signature.unwrap_or_default());
+        let mut reason = line.reason.unwrap_or_default();
+        if let Some(other) = self.cases[number]
+            && let Some((before, _)) = self.kinds.get_index(other.kind)
+        {
+            let is_same = kind == *before && trace == other.trace;
+            let [was_error, is_error] = [before.0, kind.0].map(|one| one == Verdict::Error);
+            if is_error || !was_error && (is_same || before.0 == Verdict::NotRepeatable) {
                 return;
             }
+            if !was_error {
+                let words = |(verdict, what): &(Verdict, String)| {
+                    format!("{} {what}", verdict.word()).trim_end().to_owned()
+                };
+                let mut both = [(words(before), other.trace), (words(&kind), trace)];
+                both.sort();
+                let [(one, trace), (two, other_trace)] = both;
+                kind = (Verdict::NotRepeatable, format!("{one} / {two}"));
+                reason = format!("traces {trace:016x} / {other_trace:016x}");
+            }
         }
-        self.cases[place] = Some(known);
+        self.put(number, kind, reason, trace);
+    }
+
+    /// Puts a result in the place of what is known of a case.
+    fn put(&mut self, number: usize, kind: (Verdict, String), reason: String, trace: u64) {
+        let verdict = kind.0;
+        let entry = self.kinds.entry(kind);
+        let kind = entry.index();
+        let group = entry.or_default();
+        group.count += 1;
+        group.first.insert(number, reason);
+        if group.first.len() > 2 * TRACES {
+            group.first.pop_last();
+        }
+        let known = Known {
+            verdict,
+            kind,
+            trace,
+        };
+        if let Some(before) = self.cases[number].replace(known) {
+            let group = &mut self.kinds[before.kind];
+            group.count -= 1;
+            group.first.remove(&number);
+        }
     }
 
     /// Returns the verdicts of all cases that have one.
     pub(super) fn verdicts(&self) -> Vec<Option<Verdict>> {
-        let verdicts = self.cases.iter().map(|known| Some(known.as_ref()?.verdict));
+        let verdicts = self.cases.iter().map(|known| Some((*known)?.verdict));
         let is_verdict = |verdict: &Verdict| *verdict < Verdict::Error;
-        verdicts.map(|verdict| verdict.filter(is_verdict)).collect()
+        verdicts.map(|one| one.filter(is_verdict)).collect()
     }
-
-    /// What is kept of a line.
-    fn known(&mut self, place: usize, line: Line) -> Known {
-        let mut hasher = SipHasher13::new();
-        hasher.write(line.repeatable().as_bytes());
-        let mut trace = [b'-'; DIGITS];
-        let digits = line.trace.iter().flat_map(|trace| trace.bytes());
-        trace
-            .iter_mut()
-            .zip(digits)
-            .for_each(|(to, digit)| *to = digit);
-        let failed = matches!(line.verdict, Verdict::Failed | Verdict::Error);
-        let failure = line.signature.filter(|_| failed).and_then(|signature| {
-            let entry = self.failures.entry((line.verdict, signature));
-            let index = entry.index();
-            let first = entry.or_default();
-            first.insert(place, line.reason.unwrap_or_default());
-            // More than are shown, since another result may take the place of one.
-            if first.len() > 2 * TRACES {
-                first.pop_last();
-            }
-            u32::try_from(index).ok()
-        });
-        Known {
-            verdict: line.verdict,
-            failure,
-            digest: hasher.finish(),
-            trace,
-        }
-    }
-
-    /// A result in words.
-    fn shown(&self, known: Known) -> String {
-        let failure = known
-            .failure
-            .and_then(|number| self.failures.get_index(number as usize));
-        let failure = failure.map_or("nothing failed", |((_, signature), _)| signature);
-        let (word, trace) = (known.verdict.word(), String::from_utf8_lossy(&known.trace));
-        format!("{word}: {failure}; digest of the trace {trace}…")
-    }
-
-    /// The missing cases, by shard; adds how many there are to `count`.
-    fn missing(&self, count: &mut usize) -> Vec<Finding<'_>> {
-        let mut shards: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-        for (place, _) in self
-            .cases
-            .iter()
-            .enumerate()
-            .filter(|(_, known)| known.is_none())
-        {
-            *count += 1;
-            shards
-                .entry(self.plan.owner(place))
-                .or_default()
-                .push(place);
-        }
-        let (of, all) = (self.plan.shards, shards.len());
-        let shard = |(shard, places): (u32, Vec<usize>)| {
-            let names = places.iter().take(3).map(|place| self.plan.case(*place).0);
-            let names = names.collect::<Vec<_>>().join(", ");
-            let what = format!("shard {shard}/{of}: {} missing, as {names}", places.len());
-            finding("missing", Verdict::Error, what, places.len())
-        };
-        let mut findings: Vec<_> = shards.into_iter().take(MOST_LISTED).map(shard).collect();
-        if let Some(more @ 1..) = all.checked_sub(MOST_LISTED) {
-            let what = format!("cases of {more} more shards");
-            findings.push(finding("missing", Verdict::Error, what, *count));
-        }
-        findings
-    }
-
-    /// Everything that is shown.
-    pub(super) fn summary(&self) -> Summary<'_> {
-        let plan = &self.plan;
-        let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
-        for failure in self
-            .cases
-            .iter()
-            .flatten()
-            .filter_map(|known| known.failure)
-        {
-            *counts.entry(failure).or_default() += 1;
-        }
-        let failures = counts.into_iter();
-        let mut findings: Vec<Finding<'_>> = failures
-            .filter_map(|(number, count)| self.failure(number, count))
-            .collect();
-        findings.sort_by(|one, other| {
-            let by_count = other.count.cmp(&one.count);
-            by_count.then_with(|| one.what.cmp(&other.what))
-        });
-        findings.extend(self.different.iter().map(|(place, results)| {
-            Finding {
-                cases: results
-                    .iter()
-                    .map(|reason| self.example(*place, reason))
-                    .collect(),
-                ..finding("not repeatable", Verdict::Failed, plan.case(*place).0, 1)
-            }
-        }));
-        let mut missing = 0;
-        findings.extend(self.missing(&mut missing));
-        let files = plan
-            .files
-            .iter()
-            .zip(self.cases.chunks(plan.repeat.max(1) as usize));
-        let files = files.map(|(file, cases)| FileSummary {
-            name: &file.name,
-            title: &file.title,
-            verdicts: tally(cases),
-        });
-        Summary {
-            sim_merge: 1,
-            program: &plan.program,
-            client: &plan.client,
-            repeat: plan.repeat,
-            cases: plan.cases(),
-            missing,
-            not_repeatable: self.different.len(),
-            verdicts: tally(&self.cases),
-            findings,
-            files: files.collect(),
-        }
-    }
-
-    /// A failure that so many cases have.
-    fn failure(&self, number: u32, count: usize) -> Option<Finding<'_>> {
-        let ((verdict, signature), first) = self.failures.get_index(number as usize)?;
-        let has =
-            |place: &usize| self.cases[*place].is_some_and(|known| known.failure == Some(number));
-        let first = first.iter().filter(|(place, _)| has(place)).take(TRACES);
-        Some(Finding {
-            cases: first
-                .map(|(place, reason)| self.example(*place, reason))
-                .collect(),
-            ..finding(verdict.word(), *verdict, signature.clone(), count)
-        })
-    }
-
-    fn example<'a>(&self, place: usize, reason: &'a str) -> Example<'a> {
-        let (name, command) = self.plan.case(place);
-        Example {
-            name,
-            reason,
-            command,
-        }
-    }
-}
-
-fn finding(kind: &'static str, verdict: Verdict, what: String, count: usize) -> Finding<'static> {
-    Finding {
-        verdict,
-        kind,
-        what,
-        count,
-        cases: Vec::new(),
-    }
-}
-
-/// Counts cases by verdict.
-fn tally(cases: &[Option<Known>]) -> Verdicts {
-    let mut verdicts = BTreeMap::from(VERDICTS.map(|verdict| (verdict, 0)));
-    for known in cases.iter().flatten() {
-        *verdicts.entry(known.verdict).or_default() += 1;
-    }
-    verdicts
 }

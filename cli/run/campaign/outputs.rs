@@ -1,220 +1,167 @@
 //! What `sim merge` prints and writes.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
-use std::fmt;
-use std::path::PathBuf;
 
-use maud::html;
-use quick_junit::{Property, Report, TestCase, TestSuite};
+use quick_junit::Report;
 use serde::Serialize;
+use serde_json::json;
 
-use crate::args::MergeArgs;
-use crate::exit::{Exit, Failure};
-use crate::print::OutputFile;
+use crate::exit::Exit;
 use crate::run::case::{Verdict, counts};
-use crate::run::{junit, page};
-use crate::visible::{self, lines as readable};
+use crate::run::page::{self, Row};
+use crate::run::view::View;
+use crate::run::{junit, tell};
 
-/// Verdicts that cases have, in the order in which they are counted.
-pub(super) const VERDICTS: [Verdict; 4] = [
-    Verdict::Passed,
-    Verdict::Failed,
-    Verdict::Skipped,
-    Verdict::Error,
-];
+use super::merged::{Known, Merged};
+use super::plan::Example;
+use super::results::TRACES;
+
 /// Most findings that are printed.
 const MOST_PRINTED: usize = 20;
 
-/// Everything that is shown of a campaign: as JSON as it is, and on the page, in JUnit and on the
-/// terminal.
-#[derive(Serialize)]
-pub(super) struct Summary<'a> {
-    pub(super) sim_merge: u32,
-    pub(super) program: &'a str,
-    pub(super) client: &'a [String],
-    pub(super) repeat: u32,
-    pub(super) cases: usize,
-    pub(super) missing: usize,
-    pub(super) not_repeatable: usize,
-    pub(super) verdicts: Verdicts,
-    pub(super) findings: Vec<Finding<'a>>,
-    pub(super) files: Vec<FileSummary<'a>>,
-}
+/// The class of files.
+const FILE: &str = "file";
 
 /// Number of cases with each verdict.
-pub(super) type Verdicts = BTreeMap<Verdict, usize>;
+type Verdicts = BTreeMap<Verdict, usize>;
 
-/// Something to look at: a failure that cases have, a case that is not repeatable, results that are
-/// missing.
+/// What cases have in common that did not pass.
 #[derive(Serialize)]
-pub(super) struct Finding<'a> {
-    #[serde(skip)]
-    pub(super) verdict: Verdict,
-    pub(super) kind: &'static str,
-    pub(super) what: String,
+struct Finding<'a> {
+    kind: Verdict,
+    what: &'a str,
     /// Number of cases.
-    pub(super) count: usize,
+    count: usize,
     /// The first of them.
-    pub(super) cases: Vec<Example<'a>>,
+    cases: Vec<Example>,
 }
 
-/// A case that is shown.
-#[derive(Serialize)]
-pub(super) struct Example<'a> {
-    pub(super) name: String,
-    pub(super) reason: &'a str,
-    pub(super) command: String,
-}
-
-/// A file with one combination of its parameters.
-#[derive(Serialize)]
-pub(super) struct FileSummary<'a> {
-    pub(super) name: &'a str,
-    pub(super) title: &'a str,
-    #[serde(flatten)]
-    pub(super) verdicts: Verdicts,
-}
-
-impl Finding<'_> {
-    /// The cases in lines, and the command that plays the first again.
-    fn lines(&self) -> Vec<String> {
-        let cases = self.cases.iter();
-        let reasons = cases.map(|case| format!("{}: {}", case.name, visible::line(case.reason)));
-        let first = self.cases.first();
-        reasons
-            .chain(first.map(|case| format!("again: {}", case.command)))
-            .collect()
+impl Merged {
+    /// Whatever did not pass, what is missing last.
+    fn findings(&self) -> Vec<Finding<'_>> {
+        let mut findings: Vec<Finding<'_>> = Vec::new();
+        for ((kind, what), group) in &self.kinds {
+            if group.count > 0 && kind.exit() != Exit::Clean {
+                let first = group.first.iter();
+                let first = first.filter_map(|(number, why)| self.plan.example(*number, why));
+                findings.push(Finding {
+                    kind: *kind,
+                    what,
+                    count: group.count,
+                    cases: first.take(TRACES).collect(),
+                });
+            }
+        }
+        findings.sort_by_key(|one| (one.kind == Verdict::Missing, Reverse(one.count), one.what));
+        findings
     }
-}
 
-impl Summary<'_> {
-    /// Writes the files that are asked for.
-    pub(super) fn write(&self, args: &MergeArgs) -> Result<(), Failure> {
-        let write = |path: &Option<PathBuf>, marks, text: &dyn Fn() -> anyhow::Result<String>| {
-            let Some(path) = path else { return Ok(()) };
-            OutputFile::find(path, marks)?.write(&text().map_err(Failure::system)?)
-        };
-        write(&args.junit, junit::MARKS, &|| self.junit())?;
-        write(&args.report, page::MARKS, &|| Ok(self.page()))?;
-        write(&args.json, &["\"sim_merge\""], &|| {
-            Ok(serde_json::to_string_pretty(self)? + "\n")
-        })
+    /// The verdicts of each file.
+    fn files(&self) -> BTreeMap<&str, Verdicts> {
+        let names = self.plan.files.iter().map(|file| file.name.as_str());
+        let cases = self.cases.chunks(self.plan.repeat.max(1) as usize);
+        names.zip(cases.map(tally)).collect()
     }
 
     /// The exit code that the results stand for.
     pub(super) fn exit(&self) -> Exit {
-        let findings = self.findings.iter();
-        let worst = findings.map(|finding| finding.verdict.exit()).max();
-        worst.unwrap_or(Exit::Clean)
+        worst(&tally(&self.cases)).exit()
     }
 
-    /// Counts in words: `990 passed, 10 failed, 0 skipped`.
-    fn counts(&self) -> String {
-        let mut text = counts(&self.verdicts);
-        for (count, word) in [
-            (self.not_repeatable, "not repeatable"),
-            (self.missing, "MISSING"),
-        ] {
-            if count > 0 {
-                text += &format!(", {count} {word}");
-            }
+    /// Findings in words, or those alone that say what is missing.
+    pub(super) fn text(&self, only_missing: bool) -> String {
+        let mut findings = self.findings();
+        findings.retain(|one| !only_missing || one.kind == Verdict::Missing);
+        let line = |one: &Finding<'_>| tell::brief(one.what, &self.view(one));
+        let mut lines: Vec<String> = findings.iter().map(line).collect();
+        if let Some(more @ 1..) = lines.len().checked_sub(MOST_PRINTED) {
+            lines.truncate(MOST_PRINTED);
+            lines.push(format!("and {more} more"));
         }
-        text
+        lines.push(counts(&tally(&self.cases)));
+        lines.join("\n")
     }
 
-    /// A test case for each finding, and one for each file of which cases passed.
-    fn junit(&self) -> anyhow::Result<String> {
-        let mut suite = TestSuite::new("sim merge");
-        for (verdict, count) in &self.verdicts {
-            let name = format!("sim.{}", verdict.word());
-            suite.add_property(Property::new(name, count.to_string()));
-        }
-        for finding in &self.findings {
-            let message = format!("{} of {} cases", finding.count, self.cases);
-            let (verdict, lines) = (finding.verdict, finding.lines());
-            let status = junit::status(verdict, finding.kind, &message, &lines);
-            let mut test = TestCase::new(junit::text(&finding.what), status);
-            test.set_classname(format!("sim.{}", finding.kind));
-            suite.add_test_case(test);
-        }
-        for file in &self.files {
-            let verdicts = [Verdict::Passed, Verdict::Skipped].into_iter();
-            if let Some(verdict) = verdicts.into_iter().find(|one| file.verdicts[one] > 0) {
-                let status = junit::status(verdict, "", "", &[]);
-                let mut test = TestCase::new(junit::text(file.title), status);
-                test.set_classname(format!("sim.{}", junit::text(file.name).replace('.', "_")));
-                suite.add_test_case(test);
-            }
-        }
+    pub(super) fn json(&self) -> String {
+        let plan = &self.plan;
+        let json = json!({
+            "sim_merge": 1,
+            "program": plan.program,
+            "client": plan.client,
+            "repeat": plan.repeat,
+            "cases": plan.cases(),
+            "verdicts": tally(&self.cases),
+            "findings": self.findings(),
+            "files": self.files(),
+        });
+        format!("{json:#}\n")
+    }
+
+    /// A suite for each finding, and one for each file without.
+    pub(super) fn junit(&self) -> anyhow::Result<String> {
+        let mut entries = self.entries();
+        entries.retain(|(class, _, view)| *class != FILE || view.verdict.exit() == Exit::Clean);
+        let suites = entries.iter();
+        let suites = suites.map(|(class, what, view)| junit::suite(what, class, what, view));
         let mut report = Report::new("sim merge");
-        report.add_test_suite(suite);
-        Ok(junit::without_skipped_total(&report.to_string()?))
+        report.test_suites = suites.collect();
+        junit::document(&mut report)
     }
 
-    fn page(&self) -> String {
-        let client = match self.client {
-            [] => "the scripted ones".to_owned(),
-            words => words.join(" "),
-        };
-        let times = format!("{} files, {} times each", self.files.len(), self.repeat);
+    pub(super) fn page(&self) -> String {
+        let plan = &self.plan;
+        let client = Some(plan.client.join(" ")).filter(|words| !words.is_empty());
+        let times = format!("{} files, {} times each", plan.files.len(), plan.repeat);
         let about = [
-            ("Client", client),
+            ("Client", client.unwrap_or_else(|| "scripted".to_owned())),
             ("Cases", times),
-            ("Program", format!("sim {}", self.program)),
+            ("Program", format!("sim {}", plan.program)),
         ];
-        let body = html! {
-            table.cases {
-                thead { tr { th { "verdict" } th.number { "cases" } th { "failure" } } }
-                tbody {
-                    @for finding in &self.findings {
-                        tr class=(finding.verdict.word()) {
-                            td { span class=(format!("badge {}", finding.verdict.word())) { (finding.kind) } }
-                            td.number { (finding.count) }
-                            td {
-                                (readable(&finding.what))
-                                @for case in &finding.cases {
-                                    details {
-                                        summary { (readable(&case.name)) }
-                                        p { (readable(case.reason)) }
-                                        pre { (readable(&case.command)) }
-                                    }
-                                }
-                            }
-                        }
-                    }
-                }
-            }
-            table.cases {
-                thead { tr {
-                    th { "file" }
-                    @for verdict in VERDICTS { th.number { (verdict.word()) } }
-                } }
-                tbody {
-                    @for file in &self.files {
-                        tr {
-                            td { (readable(file.title)) br; small { (readable(file.name)) } }
-                            @for count in file.verdicts.values() { td.number { (count) } }
-                        }
-                    }
-                }
-            }
-        };
-        page::document(&self.counts(), &about, &body).into_string()
+        let rows = self.entries().into_iter();
+        let rows = rows.map(|(class, what, view)| Row::new(class, &what, view));
+        page::page(&about, &tally(&self.cases), &rows.collect::<Vec<_>>()).into_string()
+    }
+
+    /// Findings and files: the class of each, its name, and what there is to say of it.
+    fn entries(&self) -> Vec<(&'static str, String, View<'static>)> {
+        let findings = self.findings().into_iter();
+        let findings = findings.map(|one| (one.kind.word(), one.what.to_owned(), self.view(&one)));
+        let files = self.files().into_iter().map(|(name, verdicts)| {
+            let mut view = View::bare(worst(&verdicts), None);
+            view.summary = Some(counts(&verdicts));
+            (FILE, name.to_owned(), view)
+        });
+        findings.chain(files).collect()
+    }
+
+    fn view(&self, finding: &Finding<'_>) -> View<'static> {
+        let (word, count, all) = (finding.kind.word(), finding.count, self.plan.cases());
+        let reason = format!("{word} in {count} of {all} cases");
+        let mut view = View::bare(finding.kind, Some(reason));
+        let cases = finding.cases.iter();
+        let cases = cases.map(|case| [case.name.as_str(), &case.reason].join(": "));
+        view.note("case", cases);
+        let first = finding.cases.first().map(|case| case.command.clone());
+        let first = first.filter(|_| finding.kind != Verdict::Missing);
+        view.note("again", first.into_iter());
+        view
     }
 }
 
-impl fmt::Display for Summary<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for finding in self.findings.iter().take(MOST_PRINTED) {
-            let (kind, what) = (finding.kind.to_uppercase(), visible::line(&finding.what));
-            writeln!(f, "{kind:<7} {}x  {what}", finding.count)?;
-            for line in finding.lines() {
-                writeln!(f, "  {line}")?;
-            }
-        }
-        if let Some(more @ 1..) = self.findings.len().checked_sub(MOST_PRINTED) {
-            writeln!(f, "and {more} more")?;
-        }
-        f.write_str(&self.counts())
+/// Counts cases by verdict.
+fn tally(cases: &[Option<Known>]) -> Verdicts {
+    let mut verdicts = BTreeMap::from(Verdict::ALL.map(|verdict| (verdict, 0)));
+    for known in cases.iter().flatten() {
+        *verdicts.entry(known.verdict).or_default() += 1;
     }
+    verdicts
+}
+
+/// The worst verdict that a case has.
+fn worst(verdicts: &Verdicts) -> Verdict {
+    let some = verdicts.iter().filter(|(_, count)| **count > 0);
+    some.map(|(verdict, _)| *verdict)
+        .max()
+        .unwrap_or(Verdict::Passed)
 }

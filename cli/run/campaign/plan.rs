@@ -1,39 +1,35 @@
 //! What a campaign plays: the same for all its shards, so that results of two campaigns never mix.
 
 use std::fs::{self, File};
-use std::hash::Hasher as _;
 use std::io::Read as _;
 use std::path::Path;
 
 use rigsim_runner::RunOptions;
 use serde::{Deserialize, Serialize};
-use siphasher::sip128::{Hasher128 as _, SipHasher13};
+use serde_json::{Value, json};
 
+use crate::args::{RunArgs, Shard};
+use crate::digest::digest;
 use crate::exit::Failure;
+use crate::run::case::Case;
 use crate::scenario_files::Loaded;
 use crate::visible;
-
-use crate::args::Shard;
-use crate::run::case::Case;
 
 /// Most bytes of a file of the client that are looked at.
 const MOST_CLIENT: u64 = 64 << 20;
 
-/// Most cases of a campaign.
-pub(crate) const MOST_CASES: usize = 10_000_000;
-
 /// Everything that decides what is played.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Plan {
     /// Version of the program.
     pub(crate) program: String,
     /// Number of shards.
-    pub(crate) shards: u32,
+    pub(crate) shards: u64,
     /// Number of times that each file is played.
     pub(crate) repeat: u32,
     /// Words of the client's command; none for scripted clients.
     pub(crate) client: Vec<String>,
-    /// Digests of those words that are files.
+    /// Sizes and digests of those words that are files.
     pub(crate) client_files: Vec<String>,
     /// Settings that win over those of the files.
     pub(crate) set: Vec<String>,
@@ -47,43 +43,43 @@ pub(crate) struct PlannedFile {
     pub(crate) name: String,
     /// Seed of the first time.
     pub(crate) seed: u64,
-    /// Digest of the files and settings that it is played with.
+    /// Digest of the file, its base, its world and its settings.
     pub(crate) digest: String,
-    pub(crate) title: String,
     /// The command that plays it again, behind `sim run --seed N`: the first time, and the others, which
     /// have other vehicles of the same make.
-    pub(crate) commands: [String; 2],
+    pub(crate) command: String,
+    pub(crate) later_command: String,
+}
+
+/// A case that is shown.
+#[derive(Serialize)]
+pub(crate) struct Example {
+    pub(crate) name: String,
+    pub(crate) reason: String,
+    pub(crate) command: String,
 }
 
 impl Plan {
-    /// The plan of these files, of each of which the first two cases are given.
-    pub(crate) fn new(shard: Shard, cases: &[[Case<'_>; 2]]) -> Result<Self, Failure> {
-        let args = cases.first().map(|[first, _]| first.args);
-        let client = args.map_or(&[][..], |args| &args.client);
-        let files = cases.iter().map(|[first, second]| {
-            let command = |case: &Case<'_>| {
-                let again = format!("sim run --seed {} ", case.seed);
-                let command = case.command();
-                command.strip_prefix(&again).unwrap_or(&command).to_owned()
-            };
+    /// The plan of these files, whose seed is 1 unless they or a flag say another.
+    pub(crate) fn new(args: &RunArgs, shards: u64, loaded: &[Loaded]) -> Result<Self, Failure> {
+        let files = loaded.iter().map(|one| {
+            let [first, second] = [0, 1].map(|repeat| Case::new(args, one, repeat, 1));
             Ok(PlannedFile {
-                name: first.loaded.name(),
+                name: one.name(),
                 seed: first.seed,
-                digest: digest(first.loaded, first.is_live())?,
-                title: first.loaded.scenario.title.clone(),
-                commands: [command(first), command(second)],
+                digest: content(one, first.is_live())?,
+                command: first.again(),
+                later_command: second.again(),
             })
         });
+        let client_files = args.client.iter().map(Path::new).filter_map(file_digest);
         Ok(Self {
             program: env!("CARGO_PKG_VERSION").to_owned(),
-            shards: shard.of,
-            repeat: args.map_or(1, |args| args.repeat),
-            client: client.iter().map(visible::name).collect(),
-            client_files: client
-                .iter()
-                .filter_map(|word| file_digest(Path::new(word)))
-                .collect(),
-            set: args.map_or_else(Vec::new, |args| args.settings.set.clone()),
+            shards,
+            repeat: args.repeat,
+            client: args.client.iter().map(visible::name).collect(),
+            client_files: client_files.collect(),
+            set: args.settings.set.clone(),
             files: files.collect::<Result<_, Failure>>()?,
         })
     }
@@ -93,90 +89,74 @@ impl Plan {
         self.files.len().saturating_mul(self.repeat as usize)
     }
 
-    /// Place of a case among all.
-    pub(crate) fn place(&self, file: usize, repeat: u32) -> Option<usize> {
-        let is_planned = file < self.files.len() && repeat < self.repeat;
-        is_planned.then(|| file * self.repeat as usize + repeat as usize)
-    }
-
-    /// The file of the case at a place, and its seed.
-    pub(crate) fn at(&self, place: usize) -> (&PlannedFile, u64) {
+    /// The file of a case by its number, which time it is, from 0, and its seed.
+    fn at(&self, number: usize) -> Option<(&PlannedFile, u64, u64)> {
         let repeat = self.repeat.max(1) as usize;
-        let file = &self.files[place / repeat];
-        (file, file.seed.wrapping_add((place % repeat) as u64))
+        let (file, time) = (self.files.get(number / repeat)?, number % repeat);
+        Some((file, time as u64, file.seed.wrapping_add(time as u64)))
     }
 
-    /// Number of the shard that has the case at a place.
-    pub(crate) fn owner(&self, place: usize) -> u32 {
-        let (file, seed) = self.at(place);
-        Shard::owner(self.shards, &file.name, &self.set, seed)
+    /// The shard that has a case, and the seed of it; `None` beyond the plan.
+    pub(crate) fn key(&self, number: usize) -> Option<(u64, u64)> {
+        let (file, _, seed) = self.at(number)?;
+        Some((Shard::owner(self.shards, &file.name, &self.set, seed), seed))
     }
 
-    /// Name of the case at a place, as `sim run` prints it, and the command that plays it again.
-    pub(crate) fn case(&self, place: usize) -> (String, String) {
-        let (file, seed) = self.at(place);
-        let number = seed.wrapping_sub(file.seed);
-        let name = match self.repeat {
-            1 => file.name.clone(),
-            _ => format!("{} #{}", file.name, number + 1),
+    /// Returns a case as it is shown.
+    pub(crate) fn example(&self, number: usize, reason: &str) -> Option<Example> {
+        let (file, time, seed) = self.at(number)?;
+        let (again, name) = match time {
+            0 if self.repeat == 1 => (&file.command, file.name.clone()),
+            0 => (&file.command, format!("{} #1", file.name)),
+            _ => (&file.later_command, format!("{} #{}", file.name, time + 1)),
         };
-        let command = &file.commands[usize::from(number > 0)];
-        (name, format!("sim run --seed {seed} {command}"))
+        Some(Example {
+            name,
+            reason: reason.to_owned(),
+            command: format!("sim run --seed {seed} {again}"),
+        })
     }
 
     /// Returns what makes another plan of `other`, in words; `None` if nothing does.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
-        let [ours, theirs] = [self, other].map(|plan| {
-            let head = Self {
-                files: Vec::new(),
-                ..plan.clone()
-            };
-            serde_json::to_value(head).unwrap_or_default()
-        });
-        for (part, ours) in ours.as_object()? {
-            let theirs = &theirs[part];
-            if ours != theirs {
-                let [ours, theirs] = [ours, theirs].map(visible::json);
-                return Some(format!("`{part}`: {ours} and {theirs}"));
-            }
-        }
-        let [ours, theirs] = [self, other].map(|plan| plan.files.len());
-        if ours != theirs {
-            return Some(format!("the number of files: {ours} and {theirs}"));
-        }
-        let mut files = self.files.iter().zip(&other.files);
-        let (ours, _) = files.find(|(ours, theirs)| ours != theirs)?;
-        let name = &ours.name;
-        Some(format!(
-            "{name}, its base or world, its seed, or the settings or flags"
-        ))
+        let facts = |plan: &Self| {
+            let mut facts = json!(plan);
+            let files = plan.files.iter();
+            facts["files"] = files.map(|file| (file.name.clone(), json!(file))).collect();
+            facts
+        };
+        let what = || difference(&facts(self), &facts(other));
+        (self != other).then(|| what().trim_start().to_owned())
     }
 }
 
+/// The first place at which two documents differ, and what is there.
+fn difference(ours: &Value, theirs: &Value) -> String {
+    if let (Value::Object(one), Value::Object(other)) = (ours, theirs) {
+        let mut keys = one.keys().chain(other.keys());
+        return match keys.find(|key| one.get(*key) != other.get(*key)) {
+            Some(key) => format!(" `{key}`{}", difference(&ours[key], &theirs[key])),
+            None => "the order of the files".to_owned(),
+        };
+    }
+    format!(": {} and {}", visible::json(ours), visible::json(theirs))
+}
+
 /// Digest of all that a scenario is played with: the first line of a trace has it.
-fn digest(loaded: &Loaded, live: bool) -> Result<String, Failure> {
+fn content(loaded: &Loaded, live: bool) -> Result<String, Failure> {
     let mut run = loaded.run(RunOptions {
         live,
         trace: true,
         ..RunOptions::scripted(0)
     })?;
-    let mut hasher = SipHasher13::new();
-    hasher.write(run.poll_trace().unwrap_or_default().as_bytes());
-    Ok(hex(&hasher))
+    let header = run.poll_trace().unwrap_or_default();
+    Ok(format!("{:016x}", digest(header.as_bytes())))
 }
 
 fn file_digest(path: &Path) -> Option<String> {
-    let size = fs::metadata(path).ok().filter(fs::Metadata::is_file)?.len();
+    let about = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
     let mut bytes = Vec::new();
     let file = File::open(path).ok()?;
     file.take(MOST_CLIENT).read_to_end(&mut bytes).ok()?;
-    let mut hasher = SipHasher13::new();
-    hasher.write_u64(size);
-    hasher.write(&bytes);
-    Some(hex(&hasher))
-}
-
-/// A digest, in hexadecimal digits.
-pub(crate) fn hex(hasher: &SipHasher13) -> String {
-    format!("{:032x}", hasher.finish128().as_u128())
+    Some(format!("{} {:016x}", about.len(), digest(&bytes)))
 }

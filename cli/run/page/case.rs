@@ -10,7 +10,7 @@ use rigsim_runner::Outcome;
 use rigsim_runner::run::{Context, Failure as Failed};
 
 use super::super::case::{Case, CaseResult, Played};
-use super::super::view::View;
+use super::super::view::{Note, View};
 use super::frames::{Frames, Wanted, Window};
 use super::map;
 use super::plots;
@@ -69,7 +69,7 @@ pub(super) fn shown(
     };
     let frames = (detail != Detail::Words).then(|| frames(devices, case, wanted));
     let title = readable(&outcome.title);
-    let view = View::new(&case.loaded.scenario, Some(result), case.is_live());
+    let view = View::new(&case.loaded.scenario, result, case.is_live());
     html! {
         div.overview {
             @if let Some(Ok(frames)) = &frames {
@@ -85,7 +85,7 @@ pub(super) fn shown(
                 @if let Some(text) = &case.loaded.scenario.description { p.about { (readable(text)) } }
                 (faults(outcome))
                 (margins(outcome))
-                @for note in &view.notes { p.note { (readable(&note.to_string())) } }
+                @for one in &view.notes { (note(one)) }
                 @if let Some(Err(why)) = &frames {
                     p.note { "No picture: the recording could not be played again, " (readable(why)) }
                 }
@@ -175,6 +175,10 @@ fn context(context: &Context, wants_before: bool) -> Markup {
             }
         }
     }
+}
+
+pub(super) fn note(note: &Note) -> Markup {
+    html! { p.note { (readable(&note.to_string())) } }
 }
 
 fn seconds(at: SimTime) -> String {

@@ -1,13 +1,10 @@
+use std::io::BufReader;
+
+use flate2::bufread::MultiGzDecoder;
+
 use super::super::resume;
 use super::*;
-
-#[test]
-fn a_signature_has_no_values() {
-    let one = signature("always `truth.distance_m < 0.2`, but truth.distance_m = 0.200616");
-    assert_eq!(one, "always `truth.distance_m < 0.2`");
-    let one = signature("22 motor commands within 1.0 s, `count.x > 3`");
-    assert_eq!(one, "# motor commands within # s, `count.x > 3`");
-}
+use crate::json_lines::Lines;
 
 fn plan() -> Plan {
     Plan {
@@ -21,20 +18,20 @@ fn plan() -> Plan {
             name: "a.toml".to_owned(),
             seed: 1,
             digest: String::new(),
-            title: "A".to_owned(),
-            commands: ["a.toml".to_owned(), "a.toml".to_owned()],
+            command: "a.toml".to_owned(),
+            later_command: "a.toml".to_owned(),
         }],
     }
 }
 
 fn line(repeat: u32) -> Line {
     Line {
-        file: 0,
-        repeat,
+        case: repeat as usize,
         name: format!("a.toml #{}", repeat + 1),
         seed: 1 + u64::from(repeat),
         verdict: Verdict::Passed,
         signature: None,
+        kind: None,
         reason: None,
         simulated_s: 1.0,
         margins: [("never `t > 9`".to_owned(), 0.25)].into(),
@@ -46,7 +43,7 @@ fn line(repeat: u32) -> Line {
 #[test]
 fn every_prefix_can_be_read_and_attempts_never_overwrite_one_another() {
     let folder = tempfile::tempdir().unwrap();
-    let (mut results, known) = resume(folder.path(), Shard::WHOLE, &plan()).unwrap();
+    let (mut results, known) = resume(folder.path(), Shard::WHOLE, plan()).unwrap();
     assert_eq!(known, vec![None; 1000]);
     for repeat in 0..1000 {
         results.add(&line(repeat)).unwrap();
@@ -61,24 +58,22 @@ fn every_prefix_can_be_read_and_attempts_never_overwrite_one_another() {
     let mut most = 0;
     for length in (0..whole.len()).step_by(7).chain([whole.len()]) {
         fs::write(&torn, &whole[..length]).unwrap();
-        let mut seen = Vec::new();
-        let take = |part| {
-            if let Part::Line(line) = part {
-                seen.push(line.repeat);
+        let file = BufReader::new(File::open(&torn).unwrap());
+        let mut lines = Lines::new(BufReader::new(MultiGzDecoder::new(file)));
+        let mut seen = 0;
+        if let Some(header) = lines.next::<Header>().unwrap() {
+            assert_eq!(header.plan, plan());
+            while let Some(line) = lines.next::<Line>().unwrap() {
+                assert_eq!(line.case, seen);
+                seen += 1;
             }
-            Ok(true)
-        };
-        let tail = read(&torn, take).unwrap();
-        assert_eq!(
-            seen,
-            (0..u32::try_from(seen.len()).unwrap()).collect::<Vec<_>>()
-        );
-        assert!(seen.len() >= most, "{length}");
-        assert!(length < whole.len() || tail == Tail::Whole);
-        most = seen.len();
+        }
+        assert!(seen >= most, "{length}");
+        assert!(length < whole.len() || !lines.is_torn);
+        most = seen;
     }
     assert_eq!(most, 1000);
-    let (_, known) = resume(folder.path(), Shard::WHOLE, &plan()).unwrap();
+    let (_, known) = resume(folder.path(), Shard::WHOLE, plan()).unwrap();
     assert_eq!(known, vec![Some(Verdict::Passed); 1000]);
     assert_eq!(fs::read(&path).unwrap(), whole);
     assert_eq!(files(folder.path()).unwrap().len(), 2);
