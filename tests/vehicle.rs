@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use harness::client::Client;
 use harness::live::Folder;
 use harness::wire::frame;
-use harness::{PATIENCE, Sim, command, json_lines, run, until};
+use harness::{PATIENCE, Sim, command, json_lines, python, run, until};
 use rigsim_pty::{Event, Port, PtySetup, Waiter};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -487,4 +487,75 @@ fn nothing_is_contradicted_over_ten_drives_of_a_vehicle_as_assumed() {
             );
         }
     }
+}
+
+/// Drives of which at least one can be compared, unless a machine stalls all the time: `sim tap` notes when it
+/// woke up late, late replies show by themselves, and the fit says how much is left.
+const DRIVES: usize = 5;
+
+#[test]
+fn what_was_changed_is_found_through_pseudo_terminals_in_real_time() {
+    let Some(python) = python() else { return };
+    let changes = [
+        "r150.version_order=major-low",
+        "r150.reply_command=high-bit",
+        "r150.reply_delay=45ms",
+    ];
+    let mut shares = Vec::new();
+    for _ in 0..DRIVES {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+        let plan = run(&["fit", "--plan", "--json"]).expect_clean().out;
+        std::fs::write(path("plan.json"), plan).unwrap();
+        let args: Vec<&str> = changes.iter().flat_map(|one| ["--set", one]).collect();
+        let vehicle = Sim::start_at(&dir.path().join("vehicle"), &args);
+        let tap = tap(&dir, &[]);
+        let mut client = std::process::Command::new(python);
+        client.arg(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/docs/examples/identify.py"
+        ));
+        client.args(["--yes", "--only", "questions", "--plan", &path("plan.json")]);
+        let driven = client.arg(tap.port()).output().unwrap();
+        assert!(driven.status.success(), "{driven:?}");
+        tap.stop().expect_clean();
+        vehicle.stop().expect_clean();
+        let (trace, output) = (path("drive.jsonl"), path("vehicle.toml"));
+        let fit = ["fit", &trace, "--only", TOLD, "--output", &output, "--json"];
+        let fitted = run(&fit).expect_clean().out;
+        let toml = std::fs::read_to_string(output).unwrap();
+        let written = toml.lines().filter(|line| line.starts_with("r150."));
+        let keys: Vec<&str> = written
+            .clone()
+            .filter_map(|line| line.split(' ').next())
+            .collect();
+        for key in &keys {
+            let is_changed = changes
+                .iter()
+                .any(|one| one.starts_with(&format!("{key}=")));
+            assert!(is_changed, "{key} was not changed\n{toml}");
+        }
+        let report: Value = serde_json::from_str(&fitted).unwrap();
+        let used = report["used"].as_f64().unwrap();
+        shares.push(used);
+        if used < 0.5 {
+            continue;
+        }
+        assert_eq!(keys.len(), changes.len(), "{toml}");
+        assert!(
+            toml.contains("\nr150.version_order = \"major-low\"\n"),
+            "{toml}"
+        );
+        assert!(
+            toml.contains("\nr150.reply_command = \"high-bit\"\n"),
+            "{toml}"
+        );
+        let delay = report["settings"].as_array().unwrap().iter();
+        let mut delay = delay.filter(|row| row["key"] == "r150.reply_delay");
+        let delay = delay.next().unwrap()["number"][0].as_f64().unwrap();
+        // 5 %, and what a computer adds until a client's byte is read.
+        assert!((42.0..50.0).contains(&delay), "{delay} ms\n{toml}");
+        return;
+    }
+    panic!("this machine stalled in each drive; used: {shares:?}");
 }

@@ -14,6 +14,10 @@ use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::print::{OutputFile, print};
 
+/// Most requests that are compared at a time. Hundreds of plays are kept, of some 200 bytes for each request
+/// in each of them.
+const MOST_SLOTS: usize = 10_000;
+
 /// The `compare` subcommand.
 pub(crate) fn compare(devices: Devices, args: &CompareArgs) -> Result<Exit, Failure> {
     let page = args
@@ -71,6 +75,12 @@ fn read(
     {
         return Err(Failure::usage(anyhow!(
             "the recordings are of different vehicles"
+        )));
+    }
+    let slots: usize = recordings.iter().map(|one| one.slots.len()).sum();
+    if slots > MOST_SLOTS {
+        return Err(Failure::usage(anyhow!(
+            "{slots} requests are recorded, and at most {MOST_SLOTS} are compared at a time: record a shorter drive"
         )));
     }
     Ok(recordings)

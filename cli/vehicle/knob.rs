@@ -8,6 +8,9 @@ const TIME_STEP: f64 = 0.01;
 /// First change of other numbers, as a part of their value, or of their range if that is 0.
 const STEP: f64 = 0.2;
 
+/// Settings of the calculation, which no vehicle has.
+const OF_THE_MODEL: [&str; 2] = ["world.step", "world.tolerances"];
+
 /// A setting, or one number of a version.
 #[derive(Debug, Clone)]
 pub(super) struct Knob {
@@ -45,7 +48,8 @@ impl Knob {
                 .key
                 .strip_prefix(device)
                 .is_some_and(|rest| rest.starts_with('.'));
-            named && (own || entry.key.starts_with("world."))
+            let around = entry.key.starts_with("world.") && !OF_THE_MODEL.contains(&&*entry.key);
+            named && (own || around)
         });
         entries.iter().flat_map(Self::of).collect()
     }

@@ -93,7 +93,11 @@ pub(super) fn cells(plays: &[&Seen], recording: &Recording, layout: &Layout) -> 
             });
             let sd = cells[at].sd[channel].max(*usual);
             let more = 1.0 + 1.0 / plays.len() as f64;
-            let jitter = if channel == 0 { jitter } else { jitter * slope };
+            let late = recording.slots[at].late;
+            let jitter = match channel {
+                0 => jitter,
+                _ => (jitter + late) * slope,
+            };
             cells[at].sd[channel] =
                 (sd * sd * more + 1.0 / 12.0 * f64::from(channel > 0) + jitter * jitter + 1e-6)
                     .sqrt();

@@ -19,9 +19,11 @@ use crate::visible;
 
 /// Longest time in which a request is answered, ns.
 const PATIENCE: u64 = 1_000_000_000;
-/// Time after a stall of the recording machine, or a late reply, in which nothing is compared, ns: the
-/// motion has forgotten it then.
+/// Time after a stall of the recording machine, or a late reply, in which what changes may be shifted by as
+/// much, ns: the motion has forgotten it then.
 const SETTLING: u64 = 1_500_000_000;
+/// Time before a stall in which what was sent may have waited for it, ns.
+const BEFORE: u64 = 200_000_000;
 /// A reply that is later than the usual one of its command by more than this and ten times their spread
 /// was held up, ns; so was the machine, if it was late by that.
 const LATE: u64 = 5_000_000;
@@ -55,6 +57,8 @@ pub(super) struct Slot {
     pub(super) name: String,
     /// Unset if the machine stalled.
     pub(super) counts: bool,
+    /// How long the machine stalled shortly before, ms.
+    pub(super) late: f64,
     /// Set for those that only judge the result of a fit.
     pub(super) held_out: bool,
 }
@@ -332,8 +336,8 @@ impl Recording {
         seen
     }
 
-    /// Leaves out stretches in which the recording machine stalled, or in which a reply came later than
-    /// the line can explain.
+    /// Leaves out the time in which the recording machine stalled, or in which a reply came later than
+    /// the line can explain, and notes it for what follows.
     fn leave_out_stalls(&mut self, mut stalls: Vec<(u64, u64)>) {
         if !self.is_real {
             return;
@@ -350,9 +354,13 @@ impl Recording {
             }
         }
         for slot in &mut self.slots {
-            let touches =
-                |(from, to): &(u64, u64)| slot.at + SETTLING / 8 > *from && slot.at < to + SETTLING;
-            slot.counts = !stalls.iter().any(touches);
+            for (from, to) in &stalls {
+                slot.counts &= !(*from..=*to + 1).contains(&slot.at)
+                    && !(slot.at..slot.at + BEFORE).contains(from);
+                if (*from..to + SETTLING).contains(&slot.at) {
+                    slot.late += (to - from) as f64 / 1e6;
+                }
+            }
         }
     }
 }
@@ -387,6 +395,7 @@ fn slot(timed: &Timed, device: &DeviceSpec) -> Slot {
         },
         name,
         counts: true,
+        late: 0.0,
         held_out: false,
     }
 }

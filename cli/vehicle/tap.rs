@@ -47,6 +47,8 @@ rigsim_core::codes! {
     VEHICLE_GONE = "vehicle_gone", Notice, NoParty;
     /// It is there again.
     VEHICLE_BACK = "vehicle_back", Notice, NoParty;
+    /// The client's port cannot be used any more; it is opened again.
+    CLIENT_PORT_FAILED = "client_port_failed", Notice, NoParty;
 }
 
 /// The `tap` subcommand: records until a signal ends it, or reads a capture.
@@ -439,7 +441,8 @@ impl Link {
         }
     }
 
-    /// The vehicle is gone: the client's port hangs up, as that of a cable that is unplugged.
+    /// A port failed, as that of a vehicle that is unplugged: the client's port hangs up, until both can be
+    /// opened again.
     fn lose(&mut self, error: &PortError, out: &mut Out) {
         let (t, port) = (out.now(), PortRecord(0, self.index));
         if self.is_attached() {
@@ -447,7 +450,10 @@ impl Link {
         }
         (self.client, self.vehicle, self.line) = (None, None, None);
         self.waiting.iter_mut().for_each(VecDeque::clear);
-        out.vehicle(VEHICLE_GONE, format!("the vehicle is gone: {error}"));
+        match error.path() == self.vehicle_path {
+            true => out.vehicle(VEHICLE_GONE, format!("the vehicle is gone: {error}")),
+            false => out.vehicle(CLIENT_PORT_FAILED, error.to_string()),
+        }
     }
 
     /// Looks for a vehicle that is gone, and opens the client's port again when it is there.
