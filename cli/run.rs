@@ -56,7 +56,10 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let mut loaded = load_all(&given, &find(&args.files, args.filter.as_deref())?)?;
     drop(exit_on_signals);
     if !args.tag.is_empty() {
-        loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
+        loaded.retain(|one| {
+            // What could not be read may have the tag.
+            one.broken.is_some() || one.scenario.tags.iter().any(|tag| args.tag.contains(tag))
+        });
     }
     if loaded.is_empty() {
         return Err(Failure::usage(anyhow!(
@@ -295,6 +298,15 @@ pub(crate) fn check(
 ) -> Result<Exit, Failure> {
     let given = Given::new(SimSettings::new(devices), given, &[])?;
     let loaded = load_all(&given, &find(files, None)?)?;
+    let broken = loaded
+        .iter()
+        .filter_map(|one| Some((one, one.broken.as_ref()?)));
+    let broken: Vec<String> = broken
+        .map(|(one, why)| format!("{}: {}", one.name(), visible::line(why)))
+        .collect();
+    if !broken.is_empty() {
+        return Err(Failure::system(anyhow!(broken.join("\n"))));
+    }
     print(&match loaded.len() {
         1 => "1 scenario is well-formed".to_owned(),
         count => format!("{count} scenarios are well-formed"),

@@ -3,8 +3,10 @@
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
 use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use rigsim_core::settings::SimSettings;
@@ -15,7 +17,7 @@ use rigsim_settings::Source;
 use crate::args::GivenArgs;
 use crate::config;
 use crate::exit::Failure;
-use crate::print::complain;
+use crate::print::{complain, words_of_panic};
 use crate::visible;
 
 /// Most scenario files of one call.
@@ -30,9 +32,31 @@ pub(crate) struct Loaded {
     world: Option<(String, String)>,
     /// The parameters that were given.
     pub(crate) parameters: Vec<(String, String)>,
+    /// Why there is nothing to play: reading it failed through no fault of the file.
+    pub(crate) broken: Option<String>,
 }
 
 impl Loaded {
+    /// One that cannot be read, as its error among the results of the others.
+    fn broken(path: &Path, settings: &SimSettings, why: String) -> Self {
+        let rig = RigPlan {
+            world: None,
+            seed: None,
+            settings: settings.clone(),
+            devices: Vec::new(),
+        };
+        let mut scenario = Scenario::serving(rig);
+        scenario.title = "could not be read".to_owned();
+        scenario.limit = Duration::ZERO;
+        Self {
+            path: path.to_owned(),
+            scenario: Arc::new(scenario),
+            world: None,
+            parameters: Vec::new(),
+            broken: Some(why),
+        }
+    }
+
     /// Devices to be served, as the rig file `path` names them; their paths are relative to it.
     pub(crate) fn serving(
         rig: RigPlan,
@@ -48,6 +72,7 @@ impl Loaded {
             scenario: Arc::new(Scenario::serving(rig)),
             world: world.map(read).transpose()?,
             parameters: Vec::new(),
+            broken: None,
         })
     }
 
@@ -59,6 +84,7 @@ impl Loaded {
             scenario: Arc::new(scenario),
             world: None,
             parameters: Vec::new(),
+            broken: None,
         }
     }
 
@@ -252,7 +278,7 @@ impl<'a> Given<'a> {
 }
 
 /// Reads all, each with each combination of its parameters; or says what is wrong with each. World
-/// and rig files that lie among them are named and left out.
+/// and rig files that lie among them are named and left out. A panic is that file's alone.
 pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
     if let Some(job) = given.job {
         // Said once, and not of each file.
@@ -263,19 +289,22 @@ pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loade
     let mut used = BTreeSet::new();
     let mut others = Vec::new();
     for path in files {
-        match load_cases(given, path, &mut used, &mut others) {
-            Ok(cases) => loaded.extend(cases),
-            Err(failure) => {
+        let load = || load_cases(given, path, &mut used, &mut others);
+        match catch_unwind(AssertUnwindSafe(load)) {
+            Ok(Ok(cases)) => loaded.extend(cases),
+            Ok(Err(failure)) => {
                 let lines = format!("{:#}", failure.error);
                 errors.extend(lines.lines().map(str::to_owned));
             }
+            Err(panic) => loaded.push(Loaded::broken(path, &given.base, words_of_panic(&*panic))),
         }
     }
     let unused = given
         .parameters
         .iter()
         .find(|(name, _)| !used.contains(name));
-    if let Some((name, _)) = unused.filter(|_| errors.is_empty()) {
+    let all_known = errors.is_empty() && loaded.iter().all(|one| one.broken.is_none());
+    if let Some((name, _)) = unused.filter(|_| all_known) {
         errors.push(format!(
             "--param {name}: no file has a parameter of this name"
         ));
@@ -407,6 +436,7 @@ fn compose(
             .map(world)
             .transpose()?,
         parameters: parameters.to_vec(),
+        broken: None,
     };
     // A world that is wrong is found now, not when others have been played.
     loaded.run(RunOptions::scripted(0))?;

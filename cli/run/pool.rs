@@ -190,6 +190,9 @@ pub(crate) fn stop_by_signals() -> Result<Arc<AtomicBool>, Failure> {
 /// Plays one, and writes its report. Whatever goes wrong is its own failure, a panic included; the
 /// others go on.
 fn play(case: &Case<'_>, page: Option<&Page>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
+    if let Some(why) = &case.loaded.broken {
+        return Ok(CaseResult::error(why.clone()));
+    }
     catch_unwind(AssertUnwindSafe(|| {
         let mut result = play_once(case, stop)?;
         if result.verdict == Verdict::Error && result.has_stalled() {
