@@ -565,7 +565,7 @@ fn what_would_be_played_is_shown_without_playing() {
     for part in [
         "seed 3",
         "$SIM_R150_PORT",
-        "sim run --seed 3 --time real drive.toml -- './my client'",
+        "sim run --seed 3 --time real --max-stall 1h drive.toml -- './my client'",
     ] {
         assert!(ended.out.contains(part), "no {part} in {}", ended.out);
     }
