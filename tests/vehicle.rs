@@ -496,11 +496,8 @@ const DRIVES: usize = 5;
 #[test]
 fn what_was_changed_is_found_through_pseudo_terminals_in_real_time() {
     let Some(python) = python() else { return };
-    let changes = [
-        "r150.version_order=major-low",
-        "r150.reply_command=high-bit",
-        "r150.reply_delay=45ms",
-    ];
+    // Every reply shows both, so that a stall of the machine hides neither.
+    let changes = ["r150.reply_command=high-bit", "r150.reply_delay=45ms"];
     let mut shares = Vec::new();
     for _ in 0..DRIVES {
         let dir = tempfile::tempdir().unwrap();
@@ -542,10 +539,6 @@ fn what_was_changed_is_found_through_pseudo_terminals_in_real_time() {
             continue;
         }
         assert_eq!(keys.len(), changes.len(), "{toml}");
-        assert!(
-            toml.contains("\nr150.version_order = \"major-low\"\n"),
-            "{toml}"
-        );
         assert!(
             toml.contains("\nr150.reply_command = \"high-bit\"\n"),
             "{toml}"
