@@ -164,12 +164,8 @@ impl Kind for PtyPort {
             if let Some(old) = self.registration.take() {
                 old.forget(&self.pair);
             }
-            registration.watch_node(self.pair.slave())?;
-            registration.watch(&self.pair, IN)?;
+            watch(&mut registration, &self.pair)?;
             self.watches_room = false;
-            if !self.pair.is_hung_up()? {
-                registration.add_opener();
-            }
             self.registration = Some(registration);
             Ok(())
         };
@@ -370,18 +366,20 @@ impl PtyPort {
     /// replaced by another, to which the link is turned atomically.
     fn recreate(&mut self) -> Result<(), PortErrorKind> {
         let pair = self.pair.again()?;
+        self.watches_room = false;
+        // Before a client can open it, so that none comes and leaves unseen.
+        if let Some(registration) = &mut self.registration {
+            watch(registration, &pair)?;
+        }
         if let Some(link) = &mut self.link {
             link.turn_to(pair.slave())?;
             if !self.pair.is_hung_up()? {
-                // A client could open it after all, and is served.
-                return link.turn_to(self.pair.slave());
+                // A client could open the old one after all, and is served.
+                link.turn_to(self.pair.slave())?;
+                let registration = self.registration.as_mut();
+                return registration.map_or(Ok(()), |registration| watch(registration, &self.pair));
             }
         }
-        if let Some(registration) = &mut self.registration {
-            registration.watch_node(pair.slave())?;
-            registration.watch(&pair, IN)?;
-        }
-        self.watches_room = false;
         self.pair = pair;
         Ok(())
     }
@@ -430,6 +428,16 @@ impl PtyPort {
     fn error(&self, action: &'static str, kind: PortErrorKind) -> PortError {
         PortError::new(action, PathBuf::from(self.path()), kind)
     }
+}
+
+/// Has the waiter report who comes, and what a client that is there does.
+fn watch(registration: &mut Registration, pair: &Pair) -> Result<(), PortErrorKind> {
+    registration.watch_node(pair.slave())?;
+    registration.watch(pair, IN)?;
+    if !pair.is_hung_up()? {
+        registration.add_opener();
+    }
+    Ok(())
 }
 
 /// Writes until everything is accepted or the buffer is full.
