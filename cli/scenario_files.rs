@@ -10,9 +10,8 @@ use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use rigsim_core::settings::SimSettings;
-use rigsim_runner::scenario::{ScenarioFiles, is_scenario_file};
+use rigsim_runner::scenario::{NamedText, ScenarioFiles, is_scenario_file};
 use rigsim_runner::{RigPlan, Run, RunOptions, Scenario};
-use rigsim_settings::Source;
 
 use crate::args::GivenArgs;
 use crate::config;
@@ -28,8 +27,7 @@ const MOST_FILES: usize = 10_000;
 pub(crate) struct Loaded {
     pub(crate) path: PathBuf,
     pub(crate) scenario: Arc<Scenario>,
-    /// Name and text.
-    world: Option<(String, String)>,
+    world: Option<NamedText>,
     /// The parameters that were given.
     pub(crate) parameters: Vec<(String, String)>,
     /// Why there is nothing to play: reading it failed through no fault of the file.
@@ -65,7 +63,7 @@ impl Loaded {
     ) -> Result<Self, Failure> {
         let read = |path: &Path| {
             let text = config::read(path, "world file")?;
-            Ok((visible::name(path), text))
+            Ok(named(path, text))
         };
         Ok(Self {
             path,
@@ -80,7 +78,7 @@ impl Loaded {
     pub(crate) fn replayed(run: &Run) -> Self {
         let scenario = run.scenario().clone();
         Self {
-            path: PathBuf::from(&scenario.file),
+            path: PathBuf::from(&scenario.source.file),
             scenario: Arc::new(scenario),
             world: None,
             parameters: Vec::new(),
@@ -103,7 +101,7 @@ impl Loaded {
         }
         let rig = &self.scenario.rig;
         let world = self.world.as_ref();
-        let world = world.map(|(file, _)| line("world", Path::new(file)));
+        let world = world.map(|world| line("world", Path::new(&world.file)));
         let changed = config::changed(&rig.settings).into_iter();
         let changed: String = changed.map(|line| format!("settings.{line}\n")).collect();
         format!("{}{changed}{}", world.unwrap_or_default(), rig.to_toml())
@@ -120,8 +118,7 @@ impl Loaded {
         scenario: &Arc<Scenario>,
         options: RunOptions,
     ) -> Result<Run, Failure> {
-        let world = self.world.as_ref();
-        let world = world.map(|(file, text)| Source { file, text });
+        let world = self.world.as_ref().map(NamedText::source);
         Run::new(Arc::clone(scenario), world, options).map_err(Failure::usage)
     }
 
@@ -387,7 +384,7 @@ pub(crate) fn load_text(path: &Path, text: &str, given: &Given<'_>) -> Result<Lo
             true => text.to_owned(),
             false => config::read(own, "base").map_err(|failure| failure.error)?,
         };
-        Ok::<_, anyhow::Error>((visible::name(own), text))
+        Ok::<_, anyhow::Error>(named(own, text))
     };
     let files = ScenarioFiles::read(path, None, &mut read).map_err(Failure::usage)?;
     compose(given, path, &files, &[])
@@ -399,9 +396,16 @@ fn read_files(given: &Given<'_>, path: &Path) -> Result<ScenarioFiles, Failure> 
             true => config::read(own, "scenario file").map_err(|failure| failure.error),
             false => named_in(path, config::read(own, "base")),
         };
-        Ok::<_, anyhow::Error>((visible::name(own), text?))
+        Ok::<_, anyhow::Error>(named(own, text?))
     };
     ScenarioFiles::read(path, given.job, &mut read).map_err(Failure::usage)
+}
+
+fn named(path: &Path, text: String) -> NamedText {
+    NamedText {
+        file: visible::name(path),
+        text,
+    }
 }
 
 /// An error in reading a file names the one that names it.
@@ -424,7 +428,7 @@ fn compose(
             Some(_) => text?,
             None => named_in(path, text).map_err(Failure::usage)?,
         };
-        Ok((visible::name(world), text))
+        Ok(named(world, text))
     };
     let own_world = files.world_of(&scenario);
     let loaded = Loaded {

@@ -18,6 +18,7 @@ use anyhow::anyhow;
 use rigsim_core::device::Devices;
 use rigsim_core::settings::SimSettings;
 use rigsim_physics::Pose;
+use rigsim_runner::scenario::ScenarioText;
 use rigsim_runner::trace::{FORMAT, Header, Record};
 use rigsim_runner::{DevicePlan, RigPlan};
 
@@ -64,11 +65,11 @@ fn header(plan: &RigPlan) -> Header {
         adapters: false,
         live: true,
         serving: true,
-        file: "a recorded vehicle".to_owned(),
-        scenario: plan.to_toml(),
-        base: Vec::new(),
-        parameters: Vec::new(),
-        set: Vec::new(),
+        source: ScenarioText {
+            file: "a recorded vehicle".to_owned(),
+            text: plan.to_toml(),
+            ..ScenarioText::default()
+        },
         settings: config::changed(&plan.settings).join("\n"),
         world: None,
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rigsim_core::device::Devices;
 use rigsim_core::line::Wire;
 use rigsim_core::settings::SimSettings;
-use rigsim_runner::scenario::ScenarioFiles;
+use rigsim_runner::scenario::{NamedText, ScenarioFiles};
 use rigsim_runner::{RigPlan, Run, RunOptions, Scenario};
 use rigsim_settings::Source;
 use toml::{Table, Value};
@@ -273,9 +273,8 @@ impl Builder {
     fn run(&self) -> Result<Run, Error> {
         let (scenario, named) = self.scenario()?;
         let world = self.world.clone().or(named);
-        let world = world.map(|path| Ok::<_, Error>((path.display().to_string(), read(&path)?)));
-        let world = world.transpose()?;
-        let world = world.as_ref().map(|(file, text)| Source { file, text });
+        let world = world.map(|path| read(&path)).transpose()?;
+        let world = world.as_ref().map(NamedText::source);
         let options = RunOptions {
             seed: self.seed.or(scenario.rig.seed).unwrap_or(SEED),
             wire: self.wire,
@@ -299,14 +298,9 @@ impl Builder {
                 let file = "simulation";
                 RigPlan::parse(Source { file, text: &text }, &base)?
             }
-            Origin::Rig(path) => {
-                let (file, text) = (&path.display().to_string(), &read(path)?);
-                RigPlan::parse(Source { file, text }, &base)?
-            }
+            Origin::Rig(path) => RigPlan::parse(read(path)?.source(), &base)?,
             Origin::Scenario(path) => {
-                let mut named =
-                    |path: &Path| Ok::<_, Error>((path.display().to_string(), read(path)?));
-                let files = ScenarioFiles::read(path, self.job.as_deref(), &mut named)?;
+                let files = ScenarioFiles::read(path, self.job.as_deref(), &mut read)?;
                 let scenario = files.compose(&self.parameters, &[], &base)?;
                 let world = files.world_of(&scenario);
                 return Ok((scenario, world));
@@ -325,9 +319,11 @@ impl Builder {
     }
 }
 
-fn read(path: &Path) -> Result<String, Error> {
-    std::fs::read_to_string(path).map_err(|source| Error::File {
+fn read(path: &Path) -> Result<NamedText, Error> {
+    let text = std::fs::read_to_string(path).map_err(|source| Error::File {
         path: path.to_owned(),
         source,
-    })
+    })?;
+    let file = path.display().to_string();
+    Ok(NamedText { file, text })
 }

@@ -45,11 +45,11 @@ use rigsim_settings::{Source, or_allowed, shorten};
 use schemars::JsonSchema as _;
 use serde_json::{Value, json};
 
+pub use compose::{NamedText, ScenarioText};
 pub use document::Only;
-pub use files::{NamedText, ScenarioFiles};
+pub use files::ScenarioFiles;
 
 pub(crate) use check::{read, read_step};
-pub(crate) use compose::Texts;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
 use crate::assemble::PlannedLink;
@@ -79,10 +79,8 @@ pub const OTHER_VEHICLES: &str = "world.tolerances=by-seed";
 /// A scenario that makes sense.
 #[derive(Debug, Clone)]
 pub struct Scenario {
-    /// The file's name, as errors call it.
-    pub file: String,
-    /// Text of the file.
-    pub text: String,
+    /// What it was read from.
+    pub source: ScenarioText,
     /// Title: what is tried, in a few words.
     pub title: String,
     /// Description: what happens.
@@ -96,14 +94,8 @@ pub struct Scenario {
     /// Time that it takes, in simulated time.
     pub limit: Duration,
     pub(crate) base: SimSettings,
-    /// The files that it is based on, each with its name and text.
-    pub(crate) bases: Vec<(String, String)>,
-    /// The values of parameters that were given.
-    pub(crate) given: Vec<(String, String)>,
     /// The parameters that are no texts.
     pub(crate) parameters: BTreeMap<String, Reading>,
-    /// The settings that were given.
-    pub(crate) set: Vec<String>,
     /// Devices that have the script for a client also where there is a real one.
     pub(crate) scripted: Vec<bool>,
     /// Verdicts of the mission do not count.
@@ -263,12 +255,13 @@ impl Scenario {
     /// # Errors
     /// Up to 20 lines, each naming the file, the line, the column, the key, and what is allowed.
     pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, FileErrors> {
-        let texts = Texts {
-            files: &[source],
-            parameters: &[],
-            set: &[],
+        let NamedText { file, text } = source.into();
+        let source = ScenarioText {
+            file,
+            text,
+            ..ScenarioText::default()
         };
-        read(texts, base)
+        read(&source, base)
     }
 
     /// Returns whether a device has the script for a client also where there is a real one.
@@ -293,18 +286,17 @@ impl Scenario {
     #[must_use]
     pub fn serving(rig: RigPlan) -> Self {
         Self {
-            file: "rig".to_owned(),
-            text: String::new(),
+            source: ScenarioText {
+                file: "rig".to_owned(),
+                ..ScenarioText::default()
+            },
             title: String::new(),
             description: None,
             good_client: String::new(),
             tags: Vec::new(),
             limit: Duration::MAX,
             base: rig.settings.clone(),
-            bases: Vec::new(),
-            given: Vec::new(),
             parameters: BTreeMap::new(),
-            set: Vec::new(),
             scripted: vec![false; rig.devices.len()],
             mission_may_fail: false,
             rig,
@@ -326,7 +318,7 @@ impl Scenario {
         (world.tolerances == Tolerances::FirstByName).then(|| {
             let mut other = self.clone();
             other.rig.settings.world.tolerances = Tolerances::BySeed;
-            other.set.push(OTHER_VEHICLES.to_owned());
+            other.source.set.push(OTHER_VEHICLES.to_owned());
             other
         })
     }

@@ -27,8 +27,6 @@
 mod onlooker;
 mod replay;
 
-pub use crate::run::record::{
-    FORMAT, Header, Hexed, MOST_BYTES, PortRecord, Record, TextRecord, Timed,
-};
+pub use crate::run::record::{FORMAT, Header, Hexed, MOST_BYTES, PortRecord, Record, Timed};
 pub use onlooker::Onlooker;
 pub use replay::{Difference, Replay, ReplayError, Sent};

@@ -101,7 +101,7 @@ pub(crate) fn play(scenario: &Arc<Scenario>, most: Duration) -> Option<Vec<Strin
     for failure in &outcome.failures {
         // It may say what the file wants it to say.
         let length = failure.to_string().len();
-        assert!(0 < length && length < 20_000 + scenario.text.len());
+        assert!(0 < length && length < 20_000 + scenario.source.text.len());
     }
     for device in 0..run.rig().devices() {
         truth(run.rig(), device);

@@ -293,12 +293,11 @@ fn is_large(header: &str) -> bool {
     let Ok(Record::Header(header)) = serde_json::from_str(header) else {
         return false;
     };
-    let source = Source {
-        file: "recorded.toml",
-        text: &header.scenario,
-    };
-    Scenario::parse(source, &SimSettings::new(rigsim_core::SHIPPED))
-        .is_ok_and(|scenario| scenario.rig.devices.len() > MOST_DRIVEN)
+    Scenario::parse(
+        header.source.source(),
+        &SimSettings::new(rigsim_core::SHIPPED),
+    )
+    .is_ok_and(|scenario| scenario.rig.devices.len() > MOST_DRIVEN)
 }
 
 fn reported(error: &ReplayError) {

@@ -83,7 +83,10 @@ impl Mcap {
             groups: Group::all(run),
             faults: None,
             about: known.map(|(key, value)| (key.to_owned(), value)).into(),
-            scenario: (visible::name(&scenario.file), scenario.text.clone()),
+            scenario: (
+                visible::name(&scenario.source.file),
+                scenario.source.text.clone(),
+            ),
             failures: Vec::new(),
             counts: BTreeMap::new(),
         })

@@ -79,7 +79,7 @@ impl Begun {
                 ("seed", run.seed().to_string()),
                 ("title", scenario.title.clone()),
                 ("client", client.to_owned()),
-                ("text of the scenario", scenario.text.clone()),
+                ("text of the scenario", scenario.source.text.clone()),
             ],
         }
     }

@@ -41,7 +41,7 @@ impl Printer {
         };
         if args.log_format == LogFormat::Text {
             let scenario = run.scenario();
-            let (title, file, seed) = (&scenario.title, &scenario.file, run.seed());
+            let (title, file, seed) = (&scenario.title, &scenario.source.file, run.seed());
             let client = match run.is_live() {
                 true => "a real client",
                 false => "the scripted client",

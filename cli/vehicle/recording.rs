@@ -261,12 +261,12 @@ impl Recording {
 
     /// What the model with these settings does.
     pub(super) fn play(&self, settings: &SimSettings, seed: u64) -> Result<Seen, String> {
-        let header = Header {
+        let mut header = Header {
             settings: config::changed(settings).join("\n"),
-            set: Vec::new(),
             seed,
             ..self.header.clone()
         };
+        header.source.set.clear();
         let sent = Replay::play(self.devices, &header, &self.acts, self.end);
         let sent = sent.map_err(|error| error.to_string())?;
         Ok(self.align(self.frames(&sent, Sender::Device, settings)))

@@ -8,6 +8,8 @@ use rigsim_core::line::ClientLine;
 use rigsim_core::rig::PortId;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::scenario::{NamedText, ScenarioText};
+
 /// Version of the form of a trace.
 pub const FORMAT: u32 = 1;
 /// Most bytes of one line.
@@ -161,32 +163,13 @@ pub struct Header {
     /// Set if devices were only served, and `scenario` is a rig file.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub serving: bool,
-    /// Name of the scenario file.
-    pub file: String,
-    /// Text of it, or of the rig that was served.
-    pub scenario: String,
-    /// The files that it is based on.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub base: Vec<TextRecord>,
-    /// Parameters that were given, each with its value.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub parameters: Vec<(String, String)>,
-    /// Settings that won over those of the files, as `key=value`.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub set: Vec<String>,
+    /// What the scenario was read from.
+    #[serde(flatten)]
+    pub source: ScenarioText,
     /// Settings that were not as they are by default, beside those of the file.
     pub settings: String,
     /// The world file.
-    pub world: Option<TextRecord>,
-}
-
-/// A file.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TextRecord {
-    /// Its name.
-    pub file: String,
-    /// Text of it.
-    pub text: String,
+    pub world: Option<NamedText>,
 }
 
 /// A port: device and link.

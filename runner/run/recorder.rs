@@ -8,8 +8,8 @@ use rigsim_core::rig::{PortId, Rig};
 use rigsim_settings::{Settings, Source};
 
 use super::RunOptions;
-use super::record::{FORMAT, Header, Hexed, MOST_BYTES, Record, TextRecord};
-use crate::scenario::Scenario;
+use super::record::{FORMAT, Header, Hexed, MOST_BYTES, Record};
+use crate::scenario::{NamedText, Scenario};
 
 /// Most lines that wait to be taken; further ones are dropped and the trace is of no use then,
 /// which its last line says.
@@ -42,10 +42,10 @@ impl Recorder {
             out: BTreeMap::new(),
             poses: Vec::new(),
         };
-        let record = |(file, text): &(String, String)| TextRecord {
-            file: file.clone(),
-            text: text.clone(),
-        };
+        let mut source = scenario.source.clone();
+        if scenario.is_endless() {
+            source.text = scenario.rig.to_toml();
+        }
         recorder.write(&Record::Header(Box::new(Header {
             format: FORMAT,
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -54,20 +54,9 @@ impl Recorder {
             adapters: options.wire == Wire::Paced,
             live: options.live,
             serving: scenario.is_endless(),
-            file: scenario.file.clone(),
-            scenario: if scenario.is_endless() {
-                scenario.rig.to_toml()
-            } else {
-                scenario.text.clone()
-            },
+            source,
             settings: changed_settings(&scenario.base),
-            base: scenario.bases.iter().map(record).collect(),
-            parameters: scenario.given.clone(),
-            set: scenario.set.clone(),
-            world: world.map(|source| TextRecord {
-                file: source.file.to_owned(),
-                text: source.text.to_owned(),
-            }),
+            world: world.map(NamedText::from),
         })));
         recorder
     }

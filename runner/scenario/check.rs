@@ -13,7 +13,7 @@ use rigsim_settings::{Origin, Source, Span, nearest, parse_assignment, read as r
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::compose::{Parameters, Texts, put_over};
+use super::compose::{NamedText, Parameters, ScenarioText, put_over};
 use super::document::{ClientText, Document, StepText, TimeText};
 use super::{MOST_STEPS, Rule, Scenario, Step, Times, Trigger};
 use crate::condition::{Condition, Reading, Saved, Scope, identifier};
@@ -24,10 +24,12 @@ use crate::rig_file::{RigPlan, RigText};
 use crate::sources::{MOST_FILES, Sources};
 
 /// Reads a scenario file with those that it is based on; its settings change those of `base`.
-pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, FileErrors> {
-    let sources = Sources(texts.files);
+pub(crate) fn read(source: &ScenarioText, base: &SimSettings) -> Result<Scenario, FileErrors> {
+    let bases = source.base.iter().map(NamedText::source);
+    let files: Vec<Source<'_>> = std::iter::once(source.source()).chain(bases).collect();
+    let sources = Sources(&files);
     let mut problems = Problems::new(sources);
-    let (mut tables, parameters) = composed(sources, texts, &mut problems)?;
+    let (mut tables, parameters) = composed(sources, &source.parameters, &mut problems)?;
     let (parameters, text_parameters) = (parameters.values(), parameters.texts());
     let scripted = scripts(&mut tables, &mut problems);
     let mut left_out = LeftOut::default();
@@ -52,7 +54,7 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Fil
     let Some(mut rig) = RigPlan::check(&mut problems, &tables, base, rig_text) else {
         return Err(problems.into_error());
     };
-    set_all(texts.set, &mut rig, &mut problems);
+    set_all(&source.set, &mut rig, &mut problems);
     let (limit, nominal_duration) = (document.limit.get_ref().0, document.nominal_duration);
     if limit.is_zero() {
         problems.add(document.limit.span(), "a run takes some time");
@@ -132,15 +134,9 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Fil
     checker.check_order(&steps, &document.step, &rules);
     let (obstacles, brought, saved) = (checker.obstacles, checker.brought, checker.saved);
     checker.problems.into_result()?;
-    let owned = |source: &Source<'_>| (source.file.to_owned(), source.text.to_owned());
-    let (file, text) = texts.files.first().map(owned).unwrap_or_default();
     Ok(Scenario {
-        file,
-        text,
-        bases: texts.files.iter().skip(1).map(owned).collect(),
-        given: texts.parameters.to_vec(),
+        source: source.clone(),
         parameters,
-        set: texts.set.to_vec(),
         scripted,
         mission_may_fail: document.mission_may_fail,
         title: document.title,
@@ -163,16 +159,15 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Fil
 /// The tables of all files as one, with parameters filled in.
 fn composed<'t>(
     sources: Sources<'t>,
-    texts: Texts<'t>,
+    given: &'t [(String, String)],
     problems: &mut Problems<'_>,
 ) -> Result<(DeTable<'t>, Parameters<'t>), FileErrors> {
-    if texts.files.len() > MOST_FILES {
+    let files = sources.0.len();
+    if files > MOST_FILES {
         let why = format!("at most {MOST_FILES} files are based on one another");
         return Err(FileError::general(why).into());
     }
-    let tables = (0..texts.files.len())
-        .rev()
-        .map(|number| sources.tables(number));
+    let tables = (0..files).rev().map(|number| sources.tables(number));
     let mut root = DeTable::new();
     let mut wrong = Vec::new();
     for table in tables {
@@ -184,7 +179,7 @@ fn composed<'t>(
     if !wrong.is_empty() {
         return Err(FileErrors(wrong));
     }
-    let parameters = Parameters::read(&root, texts.parameters, problems);
+    let parameters = Parameters::read(&root, given, problems);
     parameters.fill(&mut root, problems);
     Ok((root, parameters))
 }

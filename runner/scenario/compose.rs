@@ -4,21 +4,66 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use rigsim_settings::{Source, or_allowed};
+use serde::{Deserialize, Serialize};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::condition::Reading;
 use crate::problems::{Problems, Put};
 
-/// The files of a scenario, and what is given with them.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Texts<'t> {
-    /// The file itself, then the one that it is based on, and so on.
-    pub files: &'t [Source<'t>],
-    /// Values of parameters, which win over those in the files.
-    pub parameters: &'t [(String, String)],
-    /// Settings as `key=value`, which win over those in the files.
-    pub set: &'t [String],
+/// A file.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NamedText {
+    /// Its name, as errors call it.
+    pub file: String,
+    /// Text of it.
+    pub text: String,
+}
+
+impl NamedText {
+    /// The same, borrowed.
+    #[must_use]
+    pub fn source(&self) -> Source<'_> {
+        let Self { file, text } = self;
+        Source { file, text }
+    }
+}
+
+impl From<Source<'_>> for NamedText {
+    fn from(source: Source<'_>) -> Self {
+        Self {
+            file: source.file.to_owned(),
+            text: source.text.to_owned(),
+        }
+    }
+}
+
+/// Everything that a scenario is read from, as traces have it in their headers.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ScenarioText {
+    /// Name of the scenario file.
+    pub file: String,
+    /// Text of it, or of the rig that was served.
+    #[serde(rename = "scenario")]
+    pub text: String,
+    /// The files that it is based on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub base: Vec<NamedText>,
+    /// Parameters that were given, each with its value, which wins over that in the files.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<(String, String)>,
+    /// Settings that win over those of the files, as `key=value`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub set: Vec<String>,
+}
+
+impl ScenarioText {
+    /// The file itself.
+    #[must_use]
+    pub fn source(&self) -> Source<'_> {
+        let Self { file, text, .. } = self;
+        Source { file, text }
+    }
 }
 
 /// Lists whose elements have names, and change those of the same name in what a file is based on.

@@ -4,18 +4,14 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use rigsim_core::settings::SimSettings;
-use rigsim_settings::Source;
 
 use super::Scenario;
 use super::check::read;
-use super::compose::Texts;
+use super::compose::{NamedText, ScenarioText};
 use crate::error::{FileError, FileErrors};
 
 /// Most files that are based on one another.
 const MOST_BASES: usize = 8;
-
-/// A file: what it is called in errors, and what is in it.
-pub type NamedText = (String, String);
 
 /// A scenario file with those that it is based on, not yet read as a scenario.
 #[derive(Debug)]
@@ -52,14 +48,14 @@ impl ScenarioFiles {
         let mut next = Some(path.to_owned());
         while let Some(path) = next.take() {
             if all.files.len() >= MOST_BASES {
-                let first = all.files.first().map_or("", |(name, _)| name);
+                let first = all.files.first().map_or("", |first| &first.file);
                 let why = format!(
                     "{first}: more than {MOST_BASES} files are based on one another, perhaps in a circle"
                 );
                 return Err(FileErrors::from(FileError::general(why)).into());
             }
-            let (name, text) = read(&path)?;
-            let glance = Glance::at(&text);
+            let file = read(&path)?;
+            let glance = Glance::at(&file.text);
             let has_devices = glance.keys.contains("device");
             if has_devices && all.files.is_empty() {
                 all.is_no_fault_file = wanted_job.take().is_some();
@@ -79,7 +75,7 @@ impl ScenarioFiles {
                 all.keys = glance.keys;
             }
             all.parameters.extend(glance.parameters);
-            all.files.push((name, text));
+            all.files.push(file);
             // Without a base it has no devices, which the job has.
             next = base.or_else(|| wanted_job.take().map(Path::to_owned));
         }
@@ -125,18 +121,20 @@ impl ScenarioFiles {
         set: &[String],
         base: &SimSettings,
     ) -> Result<Scenario, FileErrors> {
-        let files = self.files.iter();
-        let files: Vec<Source<'_>> = files.map(|(file, text)| Source { file, text }).collect();
-        if let Some(first) = files.first().filter(|_| self.is_no_fault_file) {
+        let mut files = self.files.iter().cloned();
+        let first = files.next().unwrap_or_default();
+        if self.is_no_fault_file {
             let why = "has devices of its own, so it is no fault file for a job";
             return Err(FileError::general(format!("{} {why}", first.file)).into());
         }
-        let texts = Texts {
-            files: &files,
-            parameters,
-            set,
+        let source = ScenarioText {
+            file: first.file,
+            text: first.text,
+            base: files.collect(),
+            parameters: parameters.to_vec(),
+            set: set.to_vec(),
         };
-        read(texts, base)
+        read(&source, base)
     }
 }
 

@@ -490,21 +490,18 @@ fn what_a_parameter_makes_wrong_is_reported_where_its_value_stands() {
     );
     let child = "schema = 1\nbase = \"b.toml\"\n[parameters]\npwm = \"fast\"\nhb = \"5 V\"\n";
     let [file, base_file] = ["c.toml", "b.toml"];
-    let files = [
-        Source { file, text: child },
-        Source {
-            file: base_file,
-            text: &base,
-        },
-    ];
-    let given = [("wait".to_owned(), "3 x".to_owned())];
-    let texts = Texts {
-        files: &files,
-        parameters: &given,
-        set: &[],
+    let source = ScenarioText {
+        file: file.to_owned(),
+        text: child.to_owned(),
+        base: vec![NamedText {
+            file: base_file.to_owned(),
+            text: base,
+        }],
+        parameters: vec![("wait".to_owned(), "3 x".to_owned())],
+        set: Vec::new(),
     };
     let settings = SimSettings::new(rigsim_core::SHIPPED);
-    let error = read(texts, &settings).unwrap_err().to_string();
+    let error = read(&source, &settings).unwrap_err().to_string();
     let lines: Vec<&str> = error.lines().collect();
     let expected = [
         ("--param wait=3 x: `step.at`: ", "; it is in b.toml:13:6"),
@@ -576,7 +573,8 @@ fn a_world_s_name_is_a_text_in_which_parameters_stand() {
         let path = path.to_str().unwrap();
         let found = files.iter().find(|(name, _)| *name == path);
         let (name, text) = found.unwrap_or_else(|| panic!("{path}"));
-        Ok::<_, FileErrors>(((*name).to_owned(), (*text).to_owned()))
+        let (file, text) = ((*name).to_owned(), (*text).to_owned());
+        Ok::<_, FileErrors>(NamedText { file, text })
     };
     let settings = SimSettings::new(rigsim_core::SHIPPED);
     let files = ScenarioFiles::read(Path::new("a/one.toml"), None, &mut read).unwrap();

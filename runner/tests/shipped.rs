@@ -28,7 +28,7 @@ fn main() -> ExitCode {
 
 fn check(file: &Path) -> Result<(), Failed> {
     let loaded = Loaded::read(file)?;
-    let first = loaded.scenario.text.lines().next();
+    let first = loaded.scenario.source.text.lines().next();
     let depth = common::name(file).matches('/').count();
     let schema = format!("#:schema {}scenario.schema.json", "../".repeat(depth));
     if first != Some(schema.as_str()) {

@@ -10,13 +10,13 @@ use rigsim_core::event::Hex;
 use rigsim_core::line::Wire;
 use rigsim_core::rig::PortId;
 use rigsim_core::settings::SimSettings;
-use rigsim_settings::{Source, load_toml, shorten};
+use rigsim_settings::{load_toml, shorten};
 
 use super::onlooker::Onlooker;
 use crate::rig_file::RigPlan;
-use crate::run::record::{FORMAT, Header, MOST_BYTES, PortRecord, Record, TextRecord};
+use crate::run::record::{FORMAT, Header, MOST_BYTES, PortRecord, Record};
 use crate::run::{Run, RunError, RunOptions, StepError};
-use crate::scenario::{self, Scenario, Texts};
+use crate::scenario::{self, NamedText, Scenario};
 
 /// Most bytes of a port by which the recording and the second run may be apart, since of one
 /// instant there is never more. So neither of them fills the memory when the other has nothing.
@@ -455,7 +455,7 @@ impl<'o> Replay<'o> {
 
 fn start(devices: Devices, header: &Header) -> Result<Run, String> {
     let scenario = scenario_of(devices, header)?;
-    let world = header.world.as_ref().map(source);
+    let world = header.world.as_ref().map(NamedText::source);
     let options = RunOptions {
         seed: header.seed,
         wire: match (header.paced, header.adapters) {
@@ -469,35 +469,16 @@ fn start(devices: Devices, header: &Header) -> Result<Run, String> {
     Run::new(Arc::new(scenario), world, options).map_err(|error| error.to_string())
 }
 
-fn source(record: &TextRecord) -> Source<'_> {
-    Source {
-        file: &record.file,
-        text: &record.text,
-    }
-}
-
 fn scenario_of(devices: Devices, header: &Header) -> Result<Scenario, String> {
     let mut base = SimSettings::new(devices);
     load_toml(&header.settings, "settings of the trace", &mut base).map_err(|errors| {
         let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
         shorten(errors.join("; "))
     })?;
-    let first = Source {
-        file: &header.file,
-        text: &header.scenario,
-    };
-    let files: Vec<Source<'_>> = std::iter::once(first)
-        .chain(header.base.iter().map(source))
-        .collect();
-    let texts = Texts {
-        files: &files,
-        parameters: &header.parameters,
-        set: &header.set,
-    };
     let scenario = if header.serving {
-        RigPlan::parse(first, &base).map(Scenario::serving)
+        RigPlan::parse(header.source.source(), &base).map(Scenario::serving)
     } else {
-        scenario::read(texts, &base)
+        scenario::read(&header.source, &base)
     };
     scenario.map_err(|error| error.to_string())
 }

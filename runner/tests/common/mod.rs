@@ -53,7 +53,8 @@ pub fn name(file: &Path) -> String {
 impl Loaded {
     pub fn read(path: &Path) -> Result<Self, String> {
         let mut read = |path: &Path| -> Result<NamedText, Box<dyn Error>> {
-            Ok((path.display().to_string(), fs::read_to_string(path)?))
+            let (file, text) = (path.display().to_string(), fs::read_to_string(path)?);
+            Ok(NamedText { file, text })
         };
         let files =
             ScenarioFiles::read(path, None, &mut read).map_err(|error| error.to_string())?;
