@@ -195,9 +195,9 @@ export function faultForms(schema, faults, kind, links, send) {
   });
 }
 
-// Name and schema of each alternative of a `oneOf`.
+// Name and schema of each alternative of an `anyOf`.
 function alternatives(schema, defs) {
-  return (schema?.oneOf ?? []).flatMap((one) => {
+  return (schema?.anyOf ?? []).flatMap((one) => {
     const own = resolve(one, defs);
     if (own.const !== undefined) return [[own.const, own]];
     if (own.enum) return own.enum.map((word) => [word, { description: own.description }]);
