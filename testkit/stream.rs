@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 use rigsim_core::SimTime;
-use rigsim_core::firmware::Firmware as _;
+use rigsim_core::firmware::Firmware;
 use rigsim_core::mecanum_device::codec as packets;
 use rigsim_core::mecanum_device::packet::{Request, Status};
 use rigsim_core::mecanum_device::settings::MecanumFirmwareSettings;
@@ -113,53 +113,51 @@ pub fn r150(stream: &Stream<'_>) {
         )
     });
     decodes(stream, codec::decoder(TIMEOUT), reading::frames);
+    let now = SimTime::from_secs(1);
+    alike(
+        stream,
+        &*DEVICE,
+        now,
+        |device, bytes| device.receive(now, bytes),
+        R150Device::commands,
+        |frame| frames_cover(frame),
+    );
+}
+
+/// Firmware that gets a stream at once does the same as one that gets it in pieces; what it sends is
+/// as it should be.
+fn alike<D: Firmware + Clone, C: Debug + PartialEq>(
+    stream: &Stream<'_>,
+    device: &D,
+    now: SimTime,
+    mut receive: impl FnMut(&mut D, &[u8]),
+    commands: impl Fn(&D) -> C,
+    is_good: impl Fn(&D::Output) -> bool,
+) where
+    D::Output: Debug + PartialEq,
+{
     if !stream.firmware {
         return;
     }
-    let now = SimTime::from_secs(1);
-    let mut pair = split(stream, &*DEVICE, |device, bytes| device.receive(now, bytes));
-    alike(&mut pair, |device| {
-        (device.commands(), device.next_deadline())
-    });
-    alike(&mut pair, |device| {
-        device.advance(now + Duration::from_millis(100));
-        let frames: Vec<Vec<u8>> = std::iter::from_fn(|| device.poll_output()).collect();
-        for frame in &frames {
-            assert!(frames_cover(frame), "a bad frame: {frame:02X?}");
-        }
-        frames
-    });
-    alike(&mut pair, |device| {
-        let events: Vec<_> = std::iter::from_fn(|| device.poll_event()).collect();
-        have_words(events.iter().map(|(_, event)| event.to_string()));
-        events
-    });
-}
-
-/// A device that gets the stream at once, and one that gets it in pieces.
-fn split<D: Clone>(
-    stream: &Stream<'_>,
-    device: &D,
-    mut receive: impl FnMut(&mut D, &[u8]),
-) -> [D; 2] {
     let (mut whole, mut split) = (device.clone(), device.clone());
     receive(&mut whole, stream.bytes);
     for (piece, _) in stream.pieces() {
         receive(&mut split, piece);
     }
-    [whole, split]
-}
-
-/// Both devices give the same.
-fn alike<D, T: Debug + PartialEq>([whole, split]: &mut [D; 2], given: impl Fn(&mut D) -> T) {
-    assert_eq!(given(whole), given(split));
-}
-
-fn have_words(mut events: impl Iterator<Item = String>) {
-    assert!(
-        events.all(|words| !words.is_empty()),
-        "an event without words"
-    );
+    let done = |device: &mut D| {
+        let at_once = (commands(device), device.next_deadline());
+        device.advance(now + Duration::from_millis(100));
+        let sent: Vec<_> = std::iter::from_fn(|| device.poll_output()).collect();
+        for output in &sent {
+            assert!(is_good(output), "{} sends {output:02X?}", D::NAME);
+        }
+        let events: Vec<_> = std::iter::from_fn(|| device.poll_event()).collect();
+        for (_, event) in &events {
+            assert!(!event.to_string().is_empty(), "an event without words");
+        }
+        (at_once, sent, events)
+    };
+    assert_eq!(done(&mut whole), done(&mut split));
 }
 
 /// Plays a stream to the decoder of a direction of the main link, and to the firmware.
@@ -183,29 +181,15 @@ fn split_mecanum(stream: &Stream<'_>, link: Link) {
         let settings = MecanumFirmwareSettings::default();
         MecanumDevice::new(SimTime::ZERO, settings, true, plant.measurements())
     });
-    if !stream.firmware {
-        return;
-    }
     let now = SimTime::from_nanos(50_000_000);
-    let mut pair = split(stream, &*DEVICE, |device, bytes| {
-        device.receive(now, link, bytes);
-    });
-    alike(&mut pair, |device| {
-        (device.commands(), device.next_deadline())
-    });
-    alike(&mut pair, |device| {
-        device.advance(now + Duration::from_millis(100));
-        let sent: Vec<_> = std::iter::from_fn(|| device.poll_output()).collect();
-        for (link, bytes) in &sent {
-            assert!(sends_well(*link, bytes), "{link:?} sends {bytes:02X?}");
-        }
-        sent
-    });
-    alike(&mut pair, |device| {
-        let events: Vec<_> = std::iter::from_fn(|| device.poll_event()).collect();
-        have_words(events.iter().map(|(_, event)| event.to_string()));
-        events
-    });
+    alike(
+        stream,
+        &*DEVICE,
+        now,
+        |device, bytes| device.receive(now, link, bytes),
+        MecanumDevice::commands,
+        |(link, bytes)| sends_well(*link, bytes),
+    );
 }
 
 /// Plays a stream to the decoder of the ROS link's lines, and to the firmware.
