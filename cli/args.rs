@@ -24,7 +24,7 @@ use rigsim_settings::Span;
 use crate::control::ctl::{CtlArgs, speed};
 use crate::exit::Exit;
 use crate::export::ExportFormat;
-use crate::lists::{FileKind, ListFormat, SchemaFormat};
+use crate::lists::{FileKind, SchemaFormat};
 use crate::log::LogFormat;
 
 use crate::visible;
@@ -333,9 +333,6 @@ pub(crate) enum Command {
         /// List only the faults of this device.
         #[arg(long)]
         device: Option<String>,
-        /// Output format.
-        #[arg(long, value_enum, default_value_t = ListFormat::Text)]
-        format: ListFormat,
     },
     /// List the names for conditions, such as `truth.speed_mps`, with unit and meaning.
     #[command(after_help = NAMES_EXAMPLES)]

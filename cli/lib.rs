@@ -66,9 +66,7 @@ pub fn main(devices: Devices) -> ExitCode {
             Some(Command::Mcp) => mcp::serve(devices),
             Some(Command::Trace(args)) => trace::trace(devices, args),
             Some(Command::Supervise { client }) => supervise::supervise(client),
-            Some(Command::Faults { device, format }) => {
-                lists::faults(devices, device.as_deref(), *format)
-            }
+            Some(Command::Faults { device }) => lists::faults(devices, device.as_deref()),
             Some(Command::Names { device }) => lists::list_names(devices, device),
             Some(Command::Ctl(args)) => control::ctl::run(args),
             Some(Command::Schema { of, format }) => lists::schema(devices, of, *format),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use anyhow::anyhow;
 use clap::ValueEnum;
-use rigsim_core::device::{DeviceSpec, Devices, EffectInfo, ParameterInfo};
+use rigsim_core::device::{DeviceSpec, Devices};
 use rigsim_core::effect;
 use rigsim_physics::WorldMap;
 use rigsim_runner::{RigPlan, Scenario};
@@ -13,15 +13,6 @@ use crate::exit::{Exit, Failure};
 use crate::export::dissector;
 use crate::print::print;
 use crate::reference;
-
-/// Form of a printed list.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ListFormat {
-    /// Lines for people.
-    Text,
-    /// A document with tables, as docs/faults.md is.
-    Markdown,
-}
 
 /// Form of a printed schema.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -45,101 +36,42 @@ pub(crate) enum FileKind {
     Scenario,
 }
 
-/// The `faults` subcommand: the catalogue, for one device or for all.
-pub(crate) fn faults(
-    devices: Devices,
-    only: Option<&str>,
-    format: ListFormat,
-) -> Result<Exit, Failure> {
-    let wanted = devices
-        .iter()
-        .filter(|device| only.is_none_or(|only| device.id == only));
-    let wanted: Vec<&DeviceSpec> = wanted.copied().collect();
-    let kinds = effect::catalogue(devices).into_iter();
-    let kinds: Vec<&EffectInfo> = kinds
-        .filter(|info| wanted.iter().any(|device| effect::has(device, info)))
-        .collect();
-    let text: String = match format {
-        ListFormat::Text => kinds
-            .into_iter()
-            .map(|info| as_text(devices, info))
-            .collect(),
-        ListFormat::Markdown => markdown(devices, &kinds),
-    };
-    print(text.trim_end())
-}
-
-fn able(devices: Devices, info: &EffectInfo) -> String {
-    let able = devices.iter().filter(|device| effect::has(device, info));
-    able.map(|device| device.id).collect::<Vec<_>>().join(", ")
-}
-
-fn as_text(devices: Devices, info: &EffectInfo) -> String {
-    let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = writeln!(
-        text,
-        "{} [{:?}; {}]",
-        info.id,
-        info.level,
-        able(devices, info)
-    );
-    let _ = writeln!(text, "  {}", info.summary);
-    if !info.client_sees.is_empty() {
-        let _ = writeln!(text, "  the client sees: {}", info.client_sees);
-    }
-    let _ = writeln!(text, "  a hit is: {}", info.counts);
-    for parameter in info.parameters {
-        let must = if parameter.required {
-            " (required)"
-        } else {
-            ""
-        };
-        let _ = writeln!(
-            text,
-            "    {}{must}: {}",
-            parameter.name, parameter.description
-        );
-    }
-    text
-}
-
-/// A table for each level, in the order of the catalogue.
-fn markdown(devices: Devices, kinds: &[&EffectInfo]) -> String {
+/// The `faults` subcommand: the catalogue by level, for one device or for all, as docs/faults.md is.
+pub(crate) fn faults(devices: Devices, only: Option<&str>) -> Result<Exit, Failure> {
+    let is_wanted = |device: &DeviceSpec| only.is_none_or(|only| device.id == only);
     let mut text = String::from(
-        "# Faults and actions\n\nThis page lists what a scenario can break or do. `sim faults --format \
-         markdown` prints it; [scenarios.md](scenarios.md#faults) shows how to use it. A fault without \
-         a hit fails its scenario, or skips it with a real client. The table says what a hit is.\n",
+        "# Faults and actions\n\nThis page lists what a scenario can break or do. `sim faults` prints it; \
+         [scenarios.md](scenarios.md#faults) shows how to use it. A fault without a hit fails its scenario, \
+         or skips it with a real client.\n",
     );
     let mut level = None;
-    for info in kinds {
+    for info in effect::catalogue(devices) {
+        let able = devices.iter().filter(|device| effect::has(device, info));
+        let able: Vec<&DeviceSpec> = able.copied().collect();
+        if !able.iter().any(|device| is_wanted(device)) {
+            continue;
+        }
+        // Writing to a string cannot fail.
         if level.replace(info.level) != Some(info.level) {
-            let _ = write!(
+            let _ = write!(text, "\n## {:?}: `{}`\n", info.level, info.level.key());
+        }
+        let able: Vec<&str> = able.iter().map(|device| device.id).collect();
+        let (id, summary, able) = (info.id, info.summary, able.join(", "));
+        let _ = writeln!(text, "\n### `{id}`\n{summary} Devices: {able}.");
+        if !info.client_sees.is_empty() {
+            let _ = writeln!(text, "- The client sees: {}", info.client_sees);
+        }
+        let _ = writeln!(text, "- A hit is: {}", info.counts);
+        for parameter in info.parameters {
+            let must = if parameter.required { ", required" } else { "" };
+            let _ = writeln!(
                 text,
-                "\n## {:?}\n\n| {} | devices | what happens | what the client sees | what is a hit | \
-                 parameters |\n|---|---|---|---|---|---|\n",
-                info.level,
-                info.level.key()
+                "- `{}`{must}: {}",
+                parameter.name, parameter.description
             );
         }
-        let parameters: Vec<String> = info.parameters.iter().map(parameter).collect();
-        let _ = writeln!(
-            text,
-            "| `{}` | {} | {} | {} | {} | {} |",
-            info.id,
-            able(devices, info),
-            info.summary,
-            info.client_sees,
-            info.counts,
-            parameters.join("<br>")
-        );
     }
-    text
-}
-
-fn parameter(parameter: &ParameterInfo) -> String {
-    let must = if parameter.required { ", required" } else { "" };
-    format!("`{}`{must}: {}", parameter.name, parameter.description)
+    print(text.trim_end())
 }
 
 /// The `names` subcommand: what conditions can say.

@@ -333,11 +333,10 @@ impl Server {
                 let is_good = sim(&words, None, context, &mut |line| text.push_str(line)).await?;
                 let matching = arguments.get("matching").and_then(|words| words.first());
                 if let Some(matching) = matching {
-                    // What follows a heading is indented; comments stand above a setting.
+                    // Comments stand above a setting, and what a fault does below its name.
                     let gap = if text.contains("\n\n") { "\n\n" } else { "\n" };
-                    let joined = text.replace("\n  ", "\r  ");
-                    let parts = joined.split(gap).filter(|part| part.contains(matching));
-                    text = parts.collect::<Vec<_>>().join(gap).replace('\r', "\n");
+                    let parts = text.split(gap).filter(|part| part.contains(matching));
+                    text = parts.collect::<Vec<_>>().join(gap);
                 }
                 shown.add(&text);
                 Ok(is_good)

@@ -443,7 +443,7 @@ fn what_agents_send_wrongly_is_answered() {
     assert!(text(8).starts_with("no simulator was started\n\nNext: `start`"));
     assert!(text(9).contains("none.jsonl") && text(9).contains("Next: "));
     assert!(
-        text(10).starts_with("cable-pulled ") && !text(10).contains("bit-flips"),
+        text(10).starts_with("### `cable-pulled`\n") && !text(10).contains("bit-flips"),
         "{}",
         text(10)
     );

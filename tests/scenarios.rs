@@ -186,7 +186,7 @@ fn faults_and_names_are_listed_for_each_device() {
     let here = Path::new(".");
     let faults = text(&sim(here, &["faults", "--device", "r150"]).stdout);
     assert!(
-        faults.contains("bit-flips") && faults.contains("the client sees:"),
+        faults.contains("bit-flips") && faults.contains("The client sees:"),
         "{faults}"
     );
     let names = text(&sim(here, &["names", "--device", "mecanum"]).stdout);
