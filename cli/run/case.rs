@@ -292,55 +292,34 @@ pub(crate) struct Played {
     pub(crate) stalled: Option<Stalls>,
 }
 
-/// A verdict, the best first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum Verdict {
-    Passed,
-    /// It was not played, or the client gave no occasion for what it is about.
-    Skipped,
-    /// The client failed, or the vehicle did what it should not.
-    Failed,
-    /// It was played twice, with different results.
-    #[serde(rename = "not repeatable")]
-    NotRepeatable,
-    /// Caused by the file, the client's command, the machine or the simulator.
-    Error,
-    /// No result of it is known.
-    Missing,
-    /// A signal asked for the end.
-    Aborted,
+rigsim_settings::words! {
+    /// A verdict, the best first.
+    #[derive(Hash, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub(crate) enum Verdict {
+        Passed = "passed",
+        /// It was not played, or the client gave no occasion for what it is about.
+        Skipped = "skipped",
+        /// The client failed, or the vehicle did what it should not.
+        Failed = "failed",
+        /// It was played twice, with different results.
+        #[serde(rename = "not repeatable")]
+        NotRepeatable = "not repeatable",
+        /// Caused by the file, the client's command, the machine or the simulator.
+        Error = "error",
+        /// No result of it is known.
+        Missing = "missing",
+        /// A signal asked for the end.
+        Aborted = "aborted",
+    }
 }
 
 impl Verdict {
-    /// Those that a case of a campaign can have.
-    pub(crate) const ALL: [Self; 6] = [
-        Self::Passed,
-        Self::Skipped,
-        Self::Failed,
-        Self::NotRepeatable,
-        Self::Error,
-        Self::Missing,
-    ];
-
-    /// The word for it, everywhere.
-    pub(crate) fn word(self) -> &'static str {
-        match self {
-            Self::Passed => "passed",
-            Self::Failed => "failed",
-            Self::Skipped => "skipped",
-            Self::NotRepeatable => "not repeatable",
-            Self::Error => "error",
-            Self::Missing => "missing",
-            Self::Aborted => "aborted",
-        }
-    }
-
-    /// The same at the beginning of a line of a terminal, where what needs attention stands out.
+    /// The word for it at the beginning of a line of a terminal, where what needs attention stands out.
     pub(crate) fn heading(self) -> String {
         match self {
-            Self::Passed | Self::Skipped | Self::Aborted => self.word().to_owned(),
-            _ => self.word().to_uppercase(),
+            Self::Passed | Self::Skipped | Self::Aborted => self.to_string(),
+            _ => self.as_str().to_uppercase(),
         }
     }
 
@@ -363,8 +342,7 @@ pub(crate) fn counts(of: &BTreeMap<Verdict, usize>) -> String {
     let others = of.iter().filter(|(verdict, _)| **verdict > Verdict::Failed);
     for (verdict, count) in others.filter(|(_, count)| **count > 0) {
         let is_plural = *verdict == Verdict::Error && *count > 1;
-        let word = verdict.word();
-        text += &format!(", {count} {word}{}", if is_plural { "s" } else { "" });
+        text += &format!(", {count} {verdict}{}", if is_plural { "s" } else { "" });
     }
     text
 }

@@ -67,7 +67,7 @@ fn client(case: &Case<'_>, played: &Played) -> Value {
 pub(crate) fn verdict(scenario: &Scenario, result: &CaseResult) -> Value {
     let mut value = json!({
         "code": "verdict",
-        "verdict": result.verdict.word(),
+        "verdict": result.verdict.as_str(),
         "why": result.why,
         "title": scenario.title,
         "description": scenario.description,

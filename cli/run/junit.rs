@@ -190,7 +190,7 @@ pub(super) fn suite(name: &str, class: &str, title: &str, view: &View<'_>) -> Te
     }
     let kind = match view.verdict {
         Verdict::Failed => "scenario",
-        verdict => verdict.word(),
+        verdict => verdict.as_str(),
     };
     let reason = view.reason.as_deref().unwrap_or_default();
     let mut lines = view.lines();

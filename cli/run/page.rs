@@ -244,7 +244,7 @@ fn filter(counts: &BTreeMap<Verdict, usize>, all: usize) -> Markup {
             label { input type="radio" name="show" id="show-all" checked; (all) " in all" }
             @for (verdict, count) in counts {
                 @let id = format!("show-{}", class(*verdict));
-                label { input type="radio" name="show" id=(id); (count) " " (verdict.word()) }
+                label { input type="radio" name="show" id=(id); (count) " " (verdict.as_str()) }
             }
         }
     }
@@ -274,12 +274,12 @@ fn table(rows: &[Row]) -> Markup {
 }
 
 pub(super) fn badge(verdict: Verdict) -> Markup {
-    html! { span class=(format!("badge {}", class(verdict))) { (verdict.word()) } }
+    html! { span class=(format!("badge {}", class(verdict))) { (verdict.as_str()) } }
 }
 
 /// Name of a verdict in the style sheet.
 fn class(verdict: Verdict) -> String {
-    verdict.word().replace(' ', "-")
+    verdict.as_str().replace(' ', "-")
 }
 
 /// A case that failed is open, one that passed is folded.

@@ -146,7 +146,7 @@ impl Merged {
             }
             if !was_error {
                 let words = |(verdict, what): &(Verdict, String)| {
-                    format!("{} {what}", verdict.word()).trim_end().to_owned()
+                    format!("{} {what}", verdict.as_str()).trim_end().to_owned()
                 };
                 let mut both = [(words(before), other.trace), (words(&kind), trace)];
                 both.sort();

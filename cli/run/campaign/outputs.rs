@@ -126,7 +126,8 @@ impl Merged {
     /// Findings and files: the class of each, its name, and what there is to say of it.
     fn entries(&self) -> Vec<(&'static str, String, View<'static>)> {
         let findings = self.findings().into_iter();
-        let findings = findings.map(|one| (one.kind.word(), one.what.to_owned(), self.view(&one)));
+        let findings =
+            findings.map(|one| (one.kind.as_str(), one.what.to_owned(), self.view(&one)));
         let files = self.files().into_iter().map(|(name, verdicts)| {
             let mut view = View::bare(worst(&verdicts), None);
             view.summary = Some(counts(&verdicts));
@@ -136,7 +137,7 @@ impl Merged {
     }
 
     fn view(&self, finding: &Finding<'_>) -> View<'static> {
-        let (word, count, all) = (finding.kind.word(), finding.count, self.plan.cases());
+        let (word, count, all) = (finding.kind.as_str(), finding.count, self.plan.cases());
         let reason = format!("{word} in {count} of {all} cases");
         let mut view = View::bare(finding.kind, Some(reason));
         let cases = finding.cases.iter();
@@ -151,7 +152,11 @@ impl Merged {
 
 /// Counts cases by verdict.
 fn tally(cases: &[Option<Known>]) -> Verdicts {
-    let mut verdicts = BTreeMap::from(Verdict::ALL.map(|verdict| (verdict, 0)));
+    // A case that a signal has ended has no result.
+    let possible = Verdict::ALL
+        .into_iter()
+        .filter(|one| *one != Verdict::Aborted);
+    let mut verdicts: Verdicts = possible.map(|verdict| (verdict, 0)).collect();
     for known in cases.iter().flatten() {
         *verdicts.entry(known.verdict).or_default() += 1;
     }
