@@ -1,7 +1,6 @@
 //! Any effect on a device, and any command to it, in the forms that files give them.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::sync::{Arc, LazyLock};
 
 use rigsim_core::SHIPPED;
@@ -30,8 +29,12 @@ impl Choice {
         device: &DeviceSpec,
         value: u8,
     ) -> impl Iterator<Item = (&'static str, Value)> {
-        let effects = forms(device).effects.iter();
-        effects.map(move |(key, form)| (*key, form.choose(&mut std::iter::repeat(value))))
+        let forms = forms(device);
+        let effects = forms.effects.iter();
+        effects.map(move |(key, form)| {
+            let choices = &mut std::iter::repeat(value);
+            (*key, choose(&forms.root, form, choices))
+        })
     }
 
     /// The effect on a device, as a step with its key reads it.
@@ -39,9 +42,9 @@ impl Choice {
     /// # Errors
     /// When its values do not go together.
     pub fn effect(&self, device: &DeviceSpec) -> Result<Arc<dyn Effect>, String> {
-        let effects = &forms(device).effects;
+        let Forms { root, effects, .. } = forms(device);
         let (key, form) = &effects[usize::from(self.form) % effects.len()];
-        let value = form.choose(&mut self.values.into_iter());
+        let value = choose(root, form, &mut self.values.into_iter());
         let name = match &value {
             Value::Table(table) if *key == "fault" => table["kind"].as_str(),
             Value::Table(table) => table.keys().next().map(String::as_str),
@@ -62,9 +65,10 @@ impl Choice {
         link: usize,
         settings: &dyn DeviceSettings,
     ) -> Result<host::Message, String> {
-        let commands = &forms(device).commands[link];
+        let Forms { root, commands, .. } = forms(device);
+        let commands = &commands[link];
         let form = &commands[usize::from(self.form) % commands.len()];
-        let value = form.choose(&mut self.values.into_iter());
+        let value = choose(root, form, &mut self.values.into_iter());
         read(&value, |value| (device.host.read)(value, settings))
     }
 }
@@ -78,83 +82,60 @@ fn read<T>(
     read(&value).map_err(|error| format!("{text}: {error}"))
 }
 
-/// What files may write at one place.
-enum Form {
-    /// One of these.
-    Values(Vec<Value>),
-    /// A whole number from the first to the second.
-    Whole(i64, i64),
-    /// One of these forms.
-    Either(Vec<Form>),
-    /// So many of the same form.
-    List(usize, Box<Form>),
-    /// A table of these keys; set for those that must be there, which come first, since there may be
-    /// more than choices.
-    Table(Vec<(String, bool, Form)>),
+/// A value that a schema allows, as the choices say.
+fn choose(root: &Json, schema: &Json, choices: &mut impl Iterator<Item = u8>) -> Value {
+    let mut pick = |count: usize| match count {
+        1 => 0,
+        count => usize::from(choices.next().unwrap_or(0)) % count,
+    };
+    let parts = forms_of(root, schema);
+    if parts.is_empty() {
+        return Value::from("a");
+    }
+    let part = parts[pick(parts.len())];
+    if let Some(properties) = part["properties"].as_object() {
+        let required = part["required"].as_array().cloned().unwrap_or_default();
+        let is_required = |key: &str| required.iter().any(|name| name == key);
+        // What must be there comes first, since there may be more keys than choices.
+        let mut keys: Vec<_> = properties.iter().collect();
+        keys.sort_by_key(|(key, _)| !is_required(key));
+        let mut table = Table::new();
+        for (key, schema) in keys {
+            // What may be left out is, now and then.
+            if is_required(key) || choices.next().unwrap_or(0) % 2 == 1 {
+                table.insert(key.clone(), choose(root, schema, choices));
+            }
+        }
+        return Value::Table(table);
+    }
+    if is_whole(part) {
+        let low = part["minimum"].as_i64().unwrap_or(-500);
+        let high = part["maximum"].as_i64().unwrap_or(i64::MAX).max(low);
+        return Value::from(whole(choices.next().unwrap_or(0)).clamp(low, high));
+    }
+    if part["items"].is_object() {
+        let count = part["minItems"].as_u64().unwrap_or(1);
+        let value = choose(root, &part["items"], choices);
+        return Value::Array(vec![value; usize::try_from(count).unwrap_or(1)]);
+    }
+    let values = schema::values_of_part(root, part);
+    values[pick(values.len())].clone()
 }
 
-impl Form {
-    fn of(root: &Json, schema: &Json) -> Self {
-        let parts = schema::parts(root, schema).into_iter();
-        let mut forms: Vec<Self> = parts.filter_map(|part| Self::of_part(root, part)).collect();
-        match forms.len() {
-            1 => forms.remove(0),
-            _ => Self::Either(forms),
-        }
-    }
+/// The parts of a schema that allow something by themselves.
+fn forms_of<'s>(root: &'s Json, schema: &'s Json) -> Vec<&'s Json> {
+    let mut parts = schema::parts(root, schema);
+    parts.retain(|part| {
+        part["properties"].is_object()
+            || is_whole(part)
+            || part["items"].is_object()
+            || !schema::values_of_part(root, part).is_empty()
+    });
+    parts
+}
 
-    /// The form that this part of a schema gives alone, if it gives any.
-    fn of_part(root: &Json, part: &Json) -> Option<Self> {
-        if let Some(properties) = part["properties"].as_object() {
-            let required = part["required"].as_array().cloned().unwrap_or_default();
-            let key = |(key, schema): (&String, &Json)| {
-                let is_required = required.iter().any(|name| name == key);
-                (key.clone(), is_required, Self::of(root, schema))
-            };
-            let mut keys: Vec<_> = properties.iter().map(key).collect();
-            keys.sort_by_key(|(_, is_required, _)| !is_required);
-            return Some(Self::Table(keys));
-        }
-        let items = &part["items"];
-        let whole = schema::is(part, "integer") && part["const"].is_null();
-        if whole {
-            let low = part["minimum"].as_i64().unwrap_or(-500);
-            let high = part["maximum"].as_i64().unwrap_or(i64::MAX).max(low);
-            return Some(Self::Whole(low, high));
-        }
-        if items.is_object() {
-            let count = part["minItems"].as_u64().unwrap_or(1);
-            let count = usize::try_from(count).unwrap_or(1);
-            return Some(Self::List(count, Box::new(Self::of(root, items))));
-        }
-        let values = schema::values_of_part(root, part);
-        (!values.is_empty()).then_some(Self::Values(values))
-    }
-
-    fn choose(&self, choices: &mut impl Iterator<Item = u8>) -> Value {
-        let mut next = || choices.next().unwrap_or(0);
-        match self {
-            Self::Values(values) if values.len() == 1 => values[0].clone(),
-            Self::Values(values) => values[usize::from(next()) % values.len()].clone(),
-            Self::Whole(low, high) => Value::from(whole(next()).clamp(*low, *high)),
-            Self::Either(forms) if forms.is_empty() => Value::from("a"),
-            Self::Either(forms) => forms[usize::from(next()) % forms.len()].choose(choices),
-            Self::List(count, form) => {
-                let value = form.choose(choices);
-                Value::Array(vec![value; *count])
-            }
-            Self::Table(keys) => {
-                let mut table = Table::new();
-                for (key, is_required, form) in keys {
-                    // What may be left out is, now and then.
-                    if *is_required || choices.next().unwrap_or(0) % 2 == 1 {
-                        table.insert(key.clone(), form.choose(choices));
-                    }
-                }
-                Value::Table(table)
-            }
-        }
-    }
+fn is_whole(part: &Json) -> bool {
+    schema::is(part, "integer") && part["const"].is_null()
 }
 
 /// Small numbers, the ends of ranges, and some thousand.
@@ -168,12 +149,14 @@ fn whole(choice: u8) -> i64 {
     }
 }
 
-/// Forms of what may be done with a device.
+/// Schemas of what may be done with a device, each of one form.
 struct Forms {
+    /// Where they refer to.
+    root: Json,
     /// Each with the key of steps that has it.
-    effects: Vec<(&'static str, Form)>,
+    effects: Vec<(&'static str, Json)>,
     /// Commands by link.
-    commands: Vec<Vec<Form>>,
+    commands: Vec<Vec<Json>>,
 }
 
 impl Forms {
@@ -182,48 +165,45 @@ impl Forms {
         let commands = (device.host.schema)(&mut generator);
         let effects: Vec<_> = effect::of(device)
             .map(|group| {
-                (
-                    group.kinds[0].level.key(),
-                    (group.schema)(&mut generator).to_value(),
-                )
+                let key = group.kinds[0].level.key();
+                (key, (group.schema)(&mut generator).to_value())
             })
             .collect();
         let mut root = json!({ "$defs": generator.take_definitions(true) });
         let links = device.links.iter().map(|link| link.id);
         root["$defs"]["LinkName"] = json!({ "enum": links.collect::<Vec<_>>() });
-        // Those of a word have one for each.
-        let alone = |schema: &Json| -> Vec<Form> {
-            match Form::of(&root, schema) {
-                Form::Either(forms) => forms
-                    .into_iter()
-                    .flat_map(|form| match form {
-                        Form::Values(words) => {
-                            let words = words.into_iter();
-                            words.map(|word| Form::Values(vec![word])).collect()
-                        }
-                        form => vec![form],
-                    })
-                    .collect(),
-                form => vec![form],
-            }
-        };
         let settings = (device.settings)();
-        let mut by_link: Vec<Vec<Form>> = device.links.iter().map(|_| Vec::new()).collect();
-        for form in commands.iter().flat_map(|schema| alone(schema.as_value())) {
-            let value = form.choose(&mut std::iter::repeat(2));
+        let mut by_link: Vec<Vec<Json>> = device.links.iter().map(|_| Vec::new()).collect();
+        for form in commands
+            .iter()
+            .flat_map(|schema| alone(&root, schema.as_value()))
+        {
+            let value = choose(&root, &form, &mut std::iter::repeat(2));
             let command = read(&value, |value| (device.host.read)(value, &*settings));
             let command = command.unwrap_or_else(|error| panic!("{error}"));
             by_link[command.link].push(form);
         }
         let effects = effects.iter().flat_map(|(key, schema)| {
-            let forms = alone(schema).into_iter();
+            let forms = alone(&root, schema).into_iter();
             forms.map(move |form| (*key, form))
         });
         Self {
             effects: effects.collect(),
             commands: by_link,
+            root,
         }
     }
+}
+
+/// The forms of a schema. Those of a word have one for each.
+fn alone(root: &Json, schema: &Json) -> Vec<Json> {
+    let forms = forms_of(root, schema);
+    let is_one = forms.len() == 1;
+    let words = |part: &Json| match part["enum"].as_array() {
+        Some(words) if !is_one => words.iter().map(|word| json!({ "const": word })).collect(),
+        _ => vec![part.clone()],
+    };
+    forms.into_iter().flat_map(words).collect()
 }
 
 fn forms(device: &DeviceSpec) -> &'static Forms {
@@ -234,12 +214,6 @@ fn forms(device: &DeviceSpec) -> &'static Forms {
     FORMS
         .get(device.id)
         .unwrap_or_else(|| panic!("{device:?} is not shipped"))
-}
-
-impl fmt::Debug for Form {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.choose(&mut std::iter::repeat(0)))
-    }
 }
 
 #[cfg(test)]
