@@ -2,7 +2,7 @@
 
 use super::MecanumPlant;
 use super::signals::{MecanumCommands, MecanumMeasurements, PORTS, WHEELS, Wheel};
-use crate::pose::Pose;
+use crate::plant::{Motion, Plant as _};
 use crate::running_gear::Energy;
 use crate::traction::GroundForce;
 
@@ -10,24 +10,14 @@ use crate::traction::GroundForce;
 /// [`Wheel::index`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MecanumTruth {
-    /// Position and heading in the world.
-    pub pose: Pose,
-    /// Velocity ahead, m/s.
-    pub forward_speed: f64,
-    /// Velocity to the left, m/s.
-    pub leftward_speed: f64,
-    /// rad/s, counter-clockwise.
-    pub yaw_rate: f64,
-    /// Length of the path driven so far, m.
-    pub distance: f64,
+    /// Pose and motion in the world.
+    pub motion: Motion,
     /// Speed of each wheel, rad/s, forward positive.
     pub wheel_speed: [f64; WHEELS],
     /// Angle that each wheel has turned so far, rad, forward positive.
     pub wheel_angle: [f64; WHEELS],
     /// Torque of each motor at its wheel, N·m; brakes not included.
     pub motor_torque: [f64; WHEELS],
-    /// Mass with payload, kg.
-    pub mass: f64,
     /// Set while the plant rests.
     pub at_rest: bool,
 }
@@ -100,17 +90,11 @@ impl MecanumPlant {
     /// Returns the true state.
     #[must_use]
     pub fn truth(&self) -> MecanumTruth {
-        let [forward_speed, leftward_speed, yaw_rate] = self.body.motion().body_velocity();
         MecanumTruth {
-            pose: self.body.motion().pose(),
-            forward_speed,
-            leftward_speed,
-            yaw_rate,
-            distance: self.body.distance(),
+            motion: self.motion(),
             wheel_speed: self.drive.gear.wheel_speed,
             wheel_angle: self.drive.wheel_angle,
             motor_torque: self.drive.motor_torque,
-            mass: self.drive.gear.mass,
             at_rest: self.body.is_resting(),
         }
     }

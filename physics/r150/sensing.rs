@@ -6,6 +6,7 @@ use super::network;
 use super::pwm;
 use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
 use crate::faults::EncoderState;
+use crate::plant::Plant as _;
 use crate::running_gear::Energy;
 use crate::traction::GroundForce;
 
@@ -53,20 +54,14 @@ impl R150Plant {
     /// Returns the true state.
     #[must_use]
     pub fn truth(&self) -> R150Truth {
-        let [forward_speed, leftward_speed, yaw_rate] = self.body.motion().body_velocity();
         R150Truth {
-            pose: self.body.motion().pose(),
-            forward_speed,
-            leftward_speed,
-            yaw_rate,
-            distance: self.body.distance(),
+            motion: self.motion(),
             wheel_speed: self.drive.gear.wheel_speed.into(),
             motor_current: self.flow.motor_current.into(),
             motor_supply_current: self.flow.motor_supply.into(),
             battery_voltage: self.flow.bus,
             battery_current: self.flow.battery_current,
             soc: self.slow.battery.soc(),
-            mass: self.drive.gear.mass,
             health: self.health(),
             motor_celsius: self.slow.motors.map(|[motor, _]| motor).into(),
             driver_celsius: self.slow.motors.map(|[_, driver]| driver).into(),

@@ -5,7 +5,7 @@ use std::ops::{Index, IndexMut};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::pose::Pose;
+use crate::plant::Motion;
 
 rigsim_settings::words! {
     /// One of the two sides of the vehicle, in the order of the wire format; front and rear wheel of a
@@ -209,16 +209,8 @@ pub struct R150Health {
 /// True state, for verdicts and summaries. No firmware sees this.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct R150Truth {
-    /// Position and heading in the world.
-    pub pose: Pose,
-    /// Velocity ahead, m/s.
-    pub forward_speed: f64,
-    /// Velocity to the left, m/s.
-    pub leftward_speed: f64,
-    /// rad/s, counter-clockwise.
-    pub yaw_rate: f64,
-    /// Length of the path driven so far, m.
-    pub distance: f64,
+    /// Pose and motion in the world.
+    pub motion: Motion,
     /// Speed of the wheels of each side, rad/s.
     pub wheel_speed: Sides<f64>,
     /// Current through the windings, A.
@@ -231,8 +223,6 @@ pub struct R150Truth {
     pub battery_current: f64,
     /// State of charge, 0–1.
     pub soc: f64,
-    /// Mass with payload, kg.
-    pub mass: f64,
     /// Things that are broken, too hot or about to tip.
     pub health: R150Health,
     /// Temperature of the motors, °C.

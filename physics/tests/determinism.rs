@@ -30,13 +30,13 @@ impl Digest {
         let truth = plant.truth();
         let read = plant.measurements();
         for value in [
-            truth.pose.x,
-            truth.pose.y,
-            truth.pose.heading,
-            truth.forward_speed,
-            truth.leftward_speed,
-            truth.yaw_rate,
-            truth.distance,
+            truth.motion.pose.x,
+            truth.motion.pose.y,
+            truth.motion.pose.heading,
+            truth.motion.forward_speed,
+            truth.motion.leftward_speed,
+            truth.motion.yaw_rate,
+            truth.motion.distance,
             truth.wheel_speed.right,
             truth.wheel_speed.left,
             truth.battery_current,

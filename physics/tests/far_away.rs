@@ -32,7 +32,7 @@ fn an_r150_drives_as_far_at_ten_kilometres_as_at_the_origin() {
             bench.plant.place(&mut bench.world, start);
             bench.drive(duty, duty);
             bench.run(seconds);
-            bench.plant.truth().pose.x - start.x
+            bench.plant.truth().motion.pose.x - start.x
         };
         agree(drive(Pose::default()), drive(FAR));
     }
@@ -57,9 +57,12 @@ fn the_plane_ends_at_a_wall() {
         assert!(bench.world.is_touching(bench.plant.body()), "{heading}");
         let truth = bench.plant.truth();
         // Half its length, 0.49 m, before the wall.
-        let gone = (truth.pose.x - x).abs() + (truth.pose.y - y).abs();
+        let gone = (truth.motion.pose.x - x).abs() + (truth.motion.pose.y - y).abs();
         assert!((9.4..9.7).contains(&gone), "{heading}: {gone}");
-        assert!(truth.forward_speed.abs() < 0.01, "{heading}: {truth:?}");
+        assert!(
+            truth.motion.forward_speed.abs() < 0.01,
+            "{heading}: {truth:?}"
+        );
     }
 }
 
@@ -72,7 +75,7 @@ fn a_car_drives_and_strafes_as_far_at_ten_kilometres_as_at_the_origin() {
             car.plant.place(&mut car.world, start);
             car.turn(rotations, 0.2);
             car.run(4.0);
-            let pose = car.plant.truth().pose;
+            let pose = car.plant.truth().motion.pose;
             (pose.x - start.x) + (pose.y - start.y)
         };
         agree(drive(Pose::default()), drive(FAR));

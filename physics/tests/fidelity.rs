@@ -35,7 +35,7 @@ fn effective_track() -> f64 {
     bench.drive(0.6, -0.6);
     bench.run(4.0);
     let truth = bench.plant.truth();
-    (truth.wheel_speed.right - truth.wheel_speed.left) * 0.25 / truth.yaw_rate / 0.60
+    (truth.wheel_speed.right - truth.wheel_speed.left) * 0.25 / truth.motion.yaw_rate / 0.60
 }
 
 /// Speed up 15° with 150 kg, m/s.
@@ -84,8 +84,8 @@ fn launch_and_reversal(limited: bool) -> [f64; 3] {
         for _ in 0..400 {
             bench.step();
             let truth = bench.plant.truth();
-            let acceleration = (truth.forward_speed - before) / 0.005;
-            before = truth.forward_speed;
+            let acceleration = (truth.motion.forward_speed - before) / 0.005;
+            before = truth.motion.forward_speed;
             let now = [
                 truth.motor_current.right,
                 truth.battery_current,
@@ -192,9 +192,10 @@ fn disagreement() -> [f64; 2] {
         plant.truth()
     };
     let (coarse, fine) = (drive(5000), drive(500));
-    let apart = (coarse.pose.x - fine.pose.x).hypot(coarse.pose.y - fine.pose.y);
-    let turn = (coarse.pose.heading - fine.pose.heading).to_degrees();
-    [100.0 * apart / fine.distance, turn.abs()]
+    let apart = (coarse.motion.pose.x - fine.motion.pose.x)
+        .hypot(coarse.motion.pose.y - fine.motion.pose.y);
+    let turn = (coarse.motion.pose.heading - fine.motion.pose.heading).to_degrees();
+    [100.0 * apart / fine.motion.distance, turn.abs()]
 }
 
 fn strafe_share(payload: f64) -> f64 {
@@ -203,7 +204,7 @@ fn strafe_share(payload: f64) -> f64 {
     let mut car = Car::with(&settings);
     car.turn([-1, 1, 1, -1], 0.6);
     car.run(5.0);
-    car.plant.truth().distance / car.by_wheels()[1]
+    car.plant.truth().motion.distance / car.by_wheels()[1]
 }
 
 /// How hard the car slows down that rolls freely, m/s².
@@ -213,7 +214,10 @@ fn coasting(sideways: bool) -> f64 {
     car.run(2.0);
     let speed = |car: &Car| {
         let truth = car.plant.truth();
-        truth.forward_speed.hypot(truth.leftward_speed)
+        truth
+            .motion
+            .forward_speed
+            .hypot(truth.motion.leftward_speed)
     };
     let from = speed(&car);
     let unsupplied = MecanumFaults {
@@ -236,7 +240,7 @@ fn lifted_in_braking(payload: f64) -> f64 {
         let [.., left, right] = car.plant.on_ground();
         left.load + right.load
     };
-    let standing = car.plant.truth().mass * 9.81 / 2.0;
+    let standing = car.plant.truth().motion.mass * 9.81 / 2.0;
     car.brake();
     let mut least = standing;
     for _ in 0..100 {

@@ -32,13 +32,13 @@ impl Digest {
         let truth = plant.truth();
         let read = plant.measurements();
         let numbers = [
-            truth.pose.x,
-            truth.pose.y,
-            truth.pose.heading,
-            truth.forward_speed,
-            truth.leftward_speed,
-            truth.yaw_rate,
-            truth.distance,
+            truth.motion.pose.x,
+            truth.motion.pose.y,
+            truth.motion.pose.heading,
+            truth.motion.forward_speed,
+            truth.motion.leftward_speed,
+            truth.motion.yaw_rate,
+            truth.motion.distance,
         ];
         let wheels = truth.wheel_speed.into_iter().chain(truth.motor_torque);
         let echoes = read.echoes.map(|echo| echo.unwrap_or(-1.0));

@@ -126,14 +126,14 @@ fn check(car: &Car) {
     let truth = car.plant.truth();
     let read = car.plant.measurements();
     let numbers = [
-        truth.pose.x,
-        truth.pose.y,
-        truth.pose.heading,
-        truth.forward_speed,
-        truth.leftward_speed,
-        truth.yaw_rate,
-        truth.distance,
-        truth.mass,
+        truth.motion.pose.x,
+        truth.motion.pose.y,
+        truth.motion.pose.heading,
+        truth.motion.forward_speed,
+        truth.motion.leftward_speed,
+        truth.motion.yaw_rate,
+        truth.motion.distance,
+        truth.motion.mass,
     ];
     let mut all = numbers
         .into_iter()
@@ -211,8 +211,8 @@ proptest! {
             // heavy wheels whose rubber holds much.
             let truth = car.plant.truth();
             let turning: f64 = truth.wheel_speed.iter().map(|speed| speed * speed).sum();
-            let motion = mass * (truth.forward_speed.powi(2) + truth.leftward_speed.powi(2))
-                + yaw_inertia * truth.yaw_rate.powi(2)
+            let motion = mass * (truth.motion.forward_speed.powi(2) + truth.motion.leftward_speed.powi(2))
+                + yaw_inertia * truth.motion.yaw_rate.powi(2)
                 + inertia * turning;
             let strain = ground::most_strain(mass * 9.81, friction, [stiffness, drag], relaxation);
             ground::check_energy(car.plant.energy().unwrap(), motion / 2.0, strain);
@@ -231,8 +231,8 @@ proptest! {
         car.world.set_velocity(car.plant.body(), [ahead / 8.0, left / 8.0], turn / 0.14);
         let energy = |car: &Car| {
             let truth = car.plant.truth();
-            let speed = truth.forward_speed.powi(2) + truth.leftward_speed.powi(2);
-            8.0 * speed / 2.0 + 0.14 * truth.yaw_rate.powi(2) / 2.0
+            let speed = truth.motion.forward_speed.powi(2) + truth.motion.leftward_speed.powi(2);
+            8.0 * speed / 2.0 + 0.14 * truth.motion.yaw_rate.powi(2) / 2.0
         };
         let mut peak = (ahead * ahead + left * left) / 16.0 + turn * turn / 0.28;
         while !car.plant.at_rest() {

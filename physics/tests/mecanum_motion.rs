@@ -35,7 +35,11 @@ fn without_drag_it_moves_as_the_closed_form_says() {
                 (-lf + rf + lr - rr) / 4.0,
                 (-lf + rf - lr + rr) / (4.0 * ARM),
             ];
-            let found = [truth.forward_speed, truth.leftward_speed, truth.yaw_rate];
+            let found = [
+                truth.motion.forward_speed,
+                truth.motion.leftward_speed,
+                truth.motion.yaw_rate,
+            ];
             println!("{name} at {speed}: {found:.4?}, closed form {expected:.4?}");
             let scale = [1.0, 1.0, ARM];
             let size = (0..3).fold(0.0_f64, |most, axis| {
@@ -56,7 +60,10 @@ fn coasting(sideways: bool) -> f64 {
     car.run(2.0);
     let speed = |car: &Car| {
         let truth = car.plant.truth();
-        truth.forward_speed.hypot(truth.leftward_speed)
+        truth
+            .motion
+            .forward_speed
+            .hypot(truth.motion.leftward_speed)
     };
     let from = speed(&car);
     car.plant.set_faults(&unsupplied());
@@ -86,7 +93,7 @@ fn beside(name: &str, tolerance: f64) -> f64 {
     let plant = rigsim_physics::MecanumPlant::with_name(name, &settings, &mut world, pose);
     let mut car = Car { world, plant };
     car.turn([1; 4], 1.0);
-    car.run_while(120.0, |car| car.plant.truth().distance < 20.0);
+    car.run_while(120.0, |car| car.plant.truth().motion.distance < 20.0);
     car.gone()[1]
 }
 
@@ -325,20 +332,20 @@ fn against_a_wall_wheels_spin_or_stall_and_their_pulses_run_away() {
         let truth = car.plant.truth();
         println!(
             "friction {friction}: x {:.4} m, by wheels {:.3} m, wheels {:.3?} rad/s, {:.3?} N*m",
-            truth.pose.x,
+            truth.motion.pose.x,
             car.by_wheels()[0],
             truth.wheel_speed,
             truth.motor_torque
         );
         assert!(car.world.is_touching(car.plant.body()));
-        assert!((truth.pose.x - 0.28).abs() < 0.01);
-        assert!(truth.forward_speed.abs() < 0.01);
+        assert!((truth.motion.pose.x - 0.28).abs() < 0.01);
+        assert!(truth.motion.forward_speed.abs() < 0.01);
         if spins {
-            assert!(car.by_wheels()[0] > truth.pose.x + 0.5);
+            assert!(car.by_wheels()[0] > truth.motion.pose.x + 0.5);
             let pulses = car.plant.measurements().pulses[Port::X.index()];
             assert!(f64::from(pulses) / 60.0 * 2.0 * std::f64::consts::PI * RADIUS > 1.0);
         } else {
-            assert!(car.by_wheels()[0] < truth.pose.x + 0.05);
+            assert!(car.by_wheels()[0] < truth.motion.pose.x + 0.05);
             for torque in truth.motor_torque {
                 assert!((torque - torque_limit).abs() < 0.01);
             }
@@ -388,7 +395,7 @@ fn braked_on_a_slope_it_stays_and_released_it_runs() {
         };
         car.plant.place(&mut car.world, pose);
         let took = car.run_while(5.0, |car| !car.plant.at_rest());
-        let settled = car.plant.truth().pose;
+        let settled = car.plant.truth().motion.pose;
         println!("heading {heading}: rests after {took:.2} s at {settled:?}");
         assert!(car.plant.at_rest());
         assert!(settled.x.hypot(settled.y) < 0.01);
@@ -396,14 +403,14 @@ fn braked_on_a_slope_it_stays_and_released_it_runs() {
             car.plant.wake();
             car.run(1.0);
         }
-        let later = car.plant.truth().pose;
+        let later = car.plant.truth().motion.pose;
         assert!((later.x - settled.x).hypot(later.y - settled.y) < 1e-3);
         car.plant.set_faults(&unsupplied());
         car.run(2.0);
-        println!("released: {:?}", car.plant.truth().pose);
+        println!("released: {:?}", car.plant.truth().motion.pose);
         // Sideways the rollers' drag may hold it.
         let lies_across = heading.cos().abs() < 0.1;
-        assert!(lies_across || car.plant.truth().pose.x < -0.2);
+        assert!(lies_across || car.plant.truth().motion.pose.x < -0.2);
     }
 }
 
@@ -430,8 +437,8 @@ fn hit_by_another_it_wakes() {
         rested |= other.at_rest();
         assert!(!other.at_rest() || car.world.is_still(other.body()));
     }
-    println!("shoved {:.3} m", other.truth().pose.x - 1.0);
-    assert!(rested && other.truth().pose.x > 1.02);
+    println!("shoved {:.3} m", other.truth().motion.pose.x - 1.0);
+    assert!(rested && other.truth().motion.pose.x > 1.02);
 }
 
 #[test]
@@ -476,7 +483,7 @@ fn strafe(change: impl FnOnce(&mut MecanumPlantSettings)) -> (f64, f64) {
     let mut car = Car::with(&settings);
     car.turn(LEFT, 1.0);
     car.run(6.0);
-    let way = car.plant.truth().distance;
+    let way = car.plant.truth().motion.distance;
     (car.gone()[2].to_degrees(), way / car.by_wheels()[1])
 }
 

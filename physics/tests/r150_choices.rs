@@ -20,7 +20,7 @@ fn way_to_rest(at_zero_pwm: AtZeroPwm) -> f64 {
     let mut bench = with(|s| s.motor.at_zero_pwm = at_zero_pwm);
     bench.drive(1.0, 1.0);
     bench.run(3.0);
-    let from = bench.plant.truth().distance;
+    let from = bench.plant.truth().motion.distance;
     bench.drive(0.0, 0.0);
     // Behind the ramp.
     bench.run(0.27);
@@ -30,7 +30,7 @@ fn way_to_rest(at_zero_pwm: AtZeroPwm) -> f64 {
     );
     bench.run_while(60.0, |bench| !bench.plant.at_rest());
     assert!(bench.plant.at_rest());
-    bench.plant.truth().distance - from
+    bench.plant.truth().motion.distance - from
 }
 
 #[test]

@@ -35,7 +35,7 @@ fn launch_and_reverse(bench: &mut Bench) -> [f64; 3] {
         for _ in 0..400 {
             bench.step();
             let truth = bench.plant.truth();
-            let slip = truth.wheel_speed.right * 0.25 - truth.forward_speed;
+            let slip = truth.wheel_speed.right * 0.25 - truth.motion.forward_speed;
             for (most, now) in
                 most.iter_mut()
                     .zip([truth.motor_current.right, truth.battery_current, slip])
@@ -134,7 +134,7 @@ fn a_motor_that_is_stalled_for_long_is_derated_and_shut_off_and_cools() {
     bench.drive(1.0, 1.0);
     bench.run(2.0);
     assert!(bench.plant.truth().health.shut_off.left);
-    assert!(bench.plant.truth().pose.x.abs() < 1e-6);
+    assert!(bench.plant.truth().motion.pose.x.abs() < 1e-6);
 }
 
 #[test]
@@ -212,11 +212,11 @@ fn a_stop_takes_as_far_with_a_full_battery() {
         let mut bench = charged(charge, 0.0);
         bench.drive(1.0, 1.0);
         bench.run(4.0);
-        let from = bench.plant.truth().distance;
+        let from = bench.plant.truth().motion.distance;
         bench.drive(0.0, 0.0);
         bench.run(3.0);
         assert!(bench.speed().abs() < 1e-3);
-        bench.plant.truth().distance - from
+        bench.plant.truth().motion.distance - from
     };
     let (usual, full) = (stop(80.0), stop(100.0));
     println!("full: {full:.3} m after {usual:.3} m");
@@ -240,8 +240,8 @@ fn no_two_vehicles_drive_alike_and_none_drives_straight() {
             commands: rigsim_physics::R150Commands::default(),
         };
         bench.drive(1.0, 1.0);
-        bench.run_while(60.0, |bench| bench.plant.truth().distance < 50.0);
-        bench.plant.truth().pose.y
+        bench.run_while(60.0, |bench| bench.plant.truth().motion.distance < 50.0);
+        bench.plant.truth().motion.pose.y
     };
     let (first, again, second) = (
         beside("r150", 1.0, 0.005),

@@ -138,13 +138,13 @@ fn check(bench: &Bench) {
     let read = bench.plant.measurements();
     let Sides { right, left } = read.motor_rpm;
     let numbers = [
-        truth.pose.x,
-        truth.pose.y,
-        truth.pose.heading,
-        truth.forward_speed,
-        truth.leftward_speed,
-        truth.yaw_rate,
-        truth.distance,
+        truth.motion.pose.x,
+        truth.motion.pose.y,
+        truth.motion.pose.heading,
+        truth.motion.forward_speed,
+        truth.motion.leftward_speed,
+        truth.motion.yaw_rate,
+        truth.motion.distance,
         truth.wheel_speed.right,
         truth.wheel_speed.left,
         truth.motor_current.right,
@@ -219,11 +219,11 @@ proptest! {
             let fastest = 55.0 / settings.motor.back_emf_constant / gear_ratio;
             let truth = bench.plant.truth();
             prop_assert!(truth.wheel_speed.right.abs() < fastest * 1.5 + 1.0, "{truth:?}");
-            prop_assert!(truth.forward_speed.abs() < fastest * 0.25 * 1.5 + 1.0, "{truth:?}");
+            prop_assert!(truth.motion.forward_speed.abs() < fastest * 0.25 * 1.5 + 1.0, "{truth:?}");
             let wheel_inertia = 0.0015 * gear_ratio.powi(2) + 2.0 * settings.motor.wheel_inertia;
             let Sides { right, left } = truth.wheel_speed;
-            let motion = mass * (truth.forward_speed.powi(2) + truth.leftward_speed.powi(2))
-                + inertia * truth.yaw_rate.powi(2)
+            let motion = mass * (truth.motion.forward_speed.powi(2) + truth.motion.leftward_speed.powi(2))
+                + inertia * truth.motion.yaw_rate.powi(2)
                 + wheel_inertia * (right.powi(2) + left.powi(2));
             let stiffness = [stiffness, settings.tyre.lateral_stiffness];
             let strain = ground::most_strain(mass * 9.81, FRICTION, stiffness, relaxation);

@@ -16,7 +16,7 @@ fn a_little_duty_does_not_move_it_and_a_little_more_does() {
         let mut bench = Bench::with(&settings);
         bench.drive(duty, duty);
         bench.run(3.0);
-        bench.plant.truth().pose.x
+        bench.plant.truth().motion.pose.x
     };
     assert!(moved(0.02, |_| {}).abs() < 1e-4, "within the dead band");
     assert!(moved(0.03, |_| {}) > 0.02, "beyond it");
@@ -82,7 +82,7 @@ fn a_standing_vehicle_is_woken_by_what_hits_it() {
     }
     assert!(rested);
     assert!(bench.world.collisions(other.body()) > 0);
-    let moved = other.truth().pose.x - 3.0;
+    let moved = other.truth().motion.pose.x - 3.0;
     println!(
         "shoved {moved:.2} m in {} collisions",
         bench.world.collisions(other.body())
@@ -122,14 +122,14 @@ fn turning_on_the_spot_its_effective_track_is_that_of_skid_steer_vehicles() {
         bench.run(4.0);
         let truth = bench.plant.truth();
         let rim = (truth.wheel_speed.right - truth.wheel_speed.left) * 0.25;
-        let ratio = rim / truth.yaw_rate / 0.60;
+        let ratio = rim / truth.motion.yaw_rate / 0.60;
         println!(
             "duty {duty}: yaw {:.3} rad/s, effective track ratio {ratio:.3}",
-            truth.yaw_rate
+            truth.motion.yaw_rate
         );
         assert!((1.5..2.0).contains(&ratio));
-        assert!(truth.forward_speed.abs() < 0.01);
-        assert!(truth.pose.x.hypot(truth.pose.y) < 0.05);
+        assert!(truth.motion.forward_speed.abs() < 0.01);
+        assert!(truth.motion.pose.x.hypot(truth.motion.pose.y) < 0.05);
     }
 }
 
@@ -139,10 +139,10 @@ fn it_stops_within_half_a_metre_of_the_duty_going_to_zero() {
         let mut bench = Bench::on_slope(0.0, payload);
         bench.drive(1.0, 1.0);
         bench.run(3.0);
-        let from = bench.plant.truth().pose.x;
+        let from = bench.plant.truth().motion.pose.x;
         bench.drive(0.0, 0.0);
         let took = bench.run_while(10.0, |bench| !bench.plant.at_rest());
-        let stretch = bench.plant.truth().pose.x - from;
+        let stretch = bench.plant.truth().motion.pose.x - from;
         println!("with {payload} kg: stops in {stretch:.3} m, rests after {took:.2} s");
         assert!(bench.plant.at_rest());
         assert!((0.0..0.5).contains(&stretch));
@@ -163,17 +163,17 @@ fn parked_on_a_slope_it_stays_and_rests() {
         let truth = bench.plant.truth();
         println!(
             "heading {heading}: rests after {took:.2} s at {:?}",
-            truth.pose
+            truth.motion.pose
         );
         assert!(bench.plant.at_rest());
         // It has settled onto its tyres and not a step further, also when made to look again.
-        let settled = truth.pose;
+        let settled = truth.motion.pose;
         assert!(settled.x.hypot(settled.y) < 0.03);
         for _ in 0..20 {
             bench.plant.wake();
             bench.run(1.0);
         }
-        let later = bench.plant.truth().pose;
+        let later = bench.plant.truth().motion.pose;
         assert!(
             (later.x - settled.x).hypot(later.y - settled.y) < 1e-3,
             "{later:?}"
@@ -207,10 +207,10 @@ fn pushed_when_released_and_unpowered_it_rolls() {
     assert!(bench.plant.at_rest());
     // Parked, the same push does not move it.
     bench.command(|commands| commands.parking_brake = true);
-    let from = bench.plant.truth().pose.x;
+    let from = bench.plant.truth().motion.pose.x;
     bench.plant.set_push([200.0, 0.0, 0.0]);
     bench.run(2.0);
-    assert!((bench.plant.truth().pose.x - from).abs() < 0.02);
+    assert!((bench.plant.truth().motion.pose.x - from).abs() < 0.02);
 }
 
 #[test]
@@ -237,7 +237,7 @@ fn blocked_wheels_draw_stall_current_and_sag_the_battery() {
     assert!(at_once.battery_voltage < voltage - 2.0);
     assert!(at_once.battery_voltage > 39.0);
     bench.run(1.0);
-    assert!(bench.plant.truth().pose.x.abs() < 1e-6);
+    assert!(bench.plant.truth().motion.pose.x.abs() < 1e-6);
     assert!(bench.plant.truth().motor_current.left > 80.0);
 }
 
@@ -255,16 +255,16 @@ fn against_a_wall_it_stalls_or_slips() {
         let truth = bench.plant.truth();
         println!(
             "wall at duty {duty}, friction {friction}: x {:.3} m, {:.3} m/s, wheels {:.3} m/s, {:.1} A, {} collisions",
-            truth.pose.x,
-            truth.forward_speed,
+            truth.motion.pose.x,
+            truth.motion.forward_speed,
             truth.wheel_speed.right * 0.25,
             truth.motor_current.right,
             bench.world.collisions(bench.plant.body())
         );
         assert!(bench.world.is_touching(bench.plant.body()));
         assert!(bench.world.collisions(bench.plant.body()) > 0);
-        assert!(truth.forward_speed.abs() < 0.02);
-        assert!(truth.pose.x < 0.5);
+        assert!(truth.motion.forward_speed.abs() < 0.02);
+        assert!(truth.motion.pose.x < 0.5);
         assert!(truth.motor_current.right > 3.0);
     }
 }
@@ -282,8 +282,8 @@ fn one_blocked_side_pulls_it_around() {
     bench.drive(1.0, 1.0);
     bench.run(2.0);
     let truth = bench.plant.truth();
-    println!("left blocked: yaw rate {:.3} rad/s", truth.yaw_rate);
-    assert!(truth.yaw_rate > 0.3);
+    println!("left blocked: yaw rate {:.3} rad/s", truth.motion.yaw_rate);
+    assert!(truth.motion.yaw_rate > 0.3);
 }
 
 #[test]
@@ -296,8 +296,8 @@ fn left_alone_on_the_flat_it_never_gains_speed() {
         bench.world.set_velocity(body, velocity, 20.0 / 16.0);
         let energy = |bench: &Bench| {
             let truth = bench.plant.truth();
-            let [ahead, left] = [truth.forward_speed, truth.leftward_speed];
-            130.0 * (ahead * ahead + left * left) / 2.0 + 16.0 * truth.yaw_rate.powi(2) / 2.0
+            let [ahead, left] = [truth.motion.forward_speed, truth.motion.leftward_speed];
+            130.0 * (ahead * ahead + left * left) / 2.0 + 16.0 * truth.motion.yaw_rate.powi(2) / 2.0
         };
         let bumped = 130.0 / 2.0 * ((150.0_f64 / 130.0).powi(2) + (80.0_f64 / 130.0).powi(2))
             + 16.0 / 2.0 * (20.0_f64 / 16.0).powi(2);

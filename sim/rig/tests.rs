@@ -223,17 +223,17 @@ fn full_ahead_reaches_the_manuals_speed_and_the_watchdog_ends_it() {
     let now = rig.now();
     let driving = rig.device::<R150>(0).unwrap().truth();
     assert!(
-        (driving.forward_speed / 1.4 - 1.0).abs() < 0.03,
+        (driving.motion.forward_speed / 1.4 - 1.0).abs() < 0.03,
         "{driving:?}"
     );
     let last_command = now - Duration::from_millis(50);
     rig.advance(last_command + Duration::from_millis(500))
         .unwrap();
-    let fired_at = rig.device::<R150>(0).unwrap().truth().distance;
+    let fired_at = rig.device::<R150>(0).unwrap().truth().motion.distance;
     rig.advance(now + Duration::from_secs(3)).unwrap();
     let stopped = rig.device::<R150>(0).unwrap().truth();
-    assert!(stopped.distance - fired_at < 0.5, "{stopped:?}");
-    assert_eq!(stopped.forward_speed, 0.0);
+    assert!(stopped.motion.distance - fired_at < 0.5, "{stopped:?}");
+    assert_eq!(stopped.motion.forward_speed, 0.0);
     assert!(stopped.at_rest);
     assert!(codes(&mut rig).contains(&"watchdog_fired"));
 }
@@ -419,7 +419,7 @@ fn golden_drive() {
         }
         send(&mut rig, Request::SystemInfo);
     }
-    let pose = rig.device::<R150>(0).unwrap().truth().pose;
+    let pose = rig.device::<R150>(0).unwrap().truth().motion.pose;
     let seen = (
         output.len(),
         format!("{:.3} {:.3} {:.3}", pose.x, pose.y, pose.heading),

@@ -128,7 +128,7 @@ impl Car {
 
     /// How far it has really gone from the origin: ahead, left, counter-clockwise.
     pub fn gone(&self) -> [f64; 3] {
-        let pose = self.plant.truth().pose;
+        let pose = self.plant.truth().motion.pose;
         [pose.x, pose.y, pose.heading]
     }
 }

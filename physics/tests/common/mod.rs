@@ -85,7 +85,7 @@ impl Bench {
     }
 
     pub fn speed(&self) -> f64 {
-        self.plant.truth().forward_speed
+        self.plant.truth().motion.forward_speed
     }
 }
 

@@ -35,7 +35,7 @@ fn a_hung_module_drives_on_and_catches_up() {
     let handle = inject(&mut rig, "kind = \"hang\"");
     assert_eq!(ask(&mut rig, Request::Heartbeat), NOTHING);
     run(&mut rig, MAIN, MS(2000));
-    assert!(rig.device::<R150>(0).unwrap().truth().forward_speed > 0.5);
+    assert!(rig.device::<R150>(0).unwrap().truth().motion.forward_speed > 0.5);
     assert_eq!(rig.hits(handle), 6, "a heartbeat has six bytes");
     let cleared = rig.now();
     rig.clear(handle);
@@ -57,7 +57,15 @@ fn a_hung_car_is_silent_and_goes_on() {
     // What was on its way still comes.
     run(&mut rig, MAIN, MS(10));
     assert_eq!(run(&mut rig, MAIN, MS(990)), NOTHING);
-    assert!(rig.device::<Mecanum>(0).unwrap().truth().yaw_rate.abs() > 0.1);
+    assert!(
+        rig.device::<Mecanum>(0)
+            .unwrap()
+            .truth()
+            .motion
+            .yaw_rate
+            .abs()
+            > 0.1
+    );
     assert_eq!(rig.hits(handle), 14, "ten packets, and four bytes");
     rig.clear(handle);
     let seen = statuses(&run(&mut rig, MAIN, MS(1000)));
@@ -126,17 +134,36 @@ fn a_dead_watchdog_lets_the_vehicle_go_on_until_it_is_mended() {
     drive(&mut rig, 500, 500, 20);
     let handle = inject(&mut rig, "kind = \"watchdog-off\"");
     run(&mut rig, MAIN, MS(2000));
-    assert!(rig.device::<R150>(0).unwrap().truth().forward_speed > 0.5);
+    assert!(rig.device::<R150>(0).unwrap().truth().motion.forward_speed > 0.5);
     assert_eq!(rig.hits(handle), 1);
     rig.clear(handle);
     run(&mut rig, MAIN, MS(2000));
-    assert_eq!(rig.device::<R150>(0).unwrap().truth().forward_speed, 0.0);
+    assert_eq!(
+        rig.device::<R150>(0).unwrap().truth().motion.forward_speed,
+        0.0
+    );
     let mut rig = car(false);
     send(&mut rig, &motion(1, 5000, 300));
     let handle = inject(&mut rig, "kind = \"watchdog-off\"");
     run(&mut rig, MAIN, MS(1000));
-    assert!(rig.device::<Mecanum>(0).unwrap().truth().yaw_rate.abs() > 0.1);
+    assert!(
+        rig.device::<Mecanum>(0)
+            .unwrap()
+            .truth()
+            .motion
+            .yaw_rate
+            .abs()
+            > 0.1
+    );
     rig.clear(handle);
     run(&mut rig, MAIN, MS(1000));
-    assert!(rig.device::<Mecanum>(0).unwrap().truth().yaw_rate.abs() < 1e-9);
+    assert!(
+        rig.device::<Mecanum>(0)
+            .unwrap()
+            .truth()
+            .motion
+            .yaw_rate
+            .abs()
+            < 1e-9
+    );
 }

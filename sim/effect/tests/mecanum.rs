@@ -89,14 +89,14 @@ fn swapped_ports_move_it_otherwise_and_do_not_make_the_counters_jump() {
         "kind = \"ports-swapped\"\nport = \"x\"\nwith = \"y\"",
     );
     assert_eq!(status(&mut rig).mile, before);
-    let heading = truth(&rig).pose.heading;
+    let heading = truth(&rig).motion.pose.heading;
     roll(&mut rig, 1, 200, MS(800));
-    let turned = truth(&rig).pose.heading - heading;
+    let turned = truth(&rig).motion.pose.heading - heading;
     rig.clear(handle);
     run(&mut rig, MAIN, MS(1000));
-    let heading = truth(&rig).pose.heading;
+    let heading = truth(&rig).motion.pose.heading;
     roll(&mut rig, 1, 200, MS(800));
-    let whole = truth(&rig).pose.heading - heading;
+    let whole = truth(&rig).motion.pose.heading - heading;
     assert!(turned.abs() < 0.5 * whole.abs(), "{turned} {whole}");
 }
 

@@ -222,7 +222,10 @@ fn swapped_sides_turn_the_other_way_and_look_right() {
             inject(&mut rig, "kind = \"sides-swapped\"");
         }
         let speeds = drive(&mut rig, 500, -500, 30);
-        (speeds, rig.device::<R150>(0).unwrap().truth().yaw_rate)
+        (
+            speeds,
+            rig.device::<R150>(0).unwrap().truth().motion.yaw_rate,
+        )
     };
     let ((speeds, rate), (swapped, wrong)) = (turn(false), turn(true));
     assert!(rate > 0.3 && wrong < -0.3, "{rate} {wrong}");
@@ -317,10 +320,13 @@ fn a_key_that_is_held_drives_it() {
     let mut rig = r150();
     let handle = inject(&mut rig, "operator = { press = \"backward\" }");
     run(&mut rig, MAIN, MS(1000));
-    assert!(rig.device::<R150>(0).unwrap().truth().forward_speed < -0.1);
+    assert!(rig.device::<R150>(0).unwrap().truth().motion.forward_speed < -0.1);
     rig.clear(handle);
     run(&mut rig, MAIN, MS(1000));
-    assert_eq!(rig.device::<R150>(0).unwrap().truth().forward_speed, 0.0);
+    assert_eq!(
+        rig.device::<R150>(0).unwrap().truth().motion.forward_speed,
+        0.0
+    );
 }
 
 #[test]

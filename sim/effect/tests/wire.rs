@@ -137,7 +137,7 @@ fn a_mute_device_still_hears_and_a_deaf_one_stops_by_its_watchdog() {
         };
         assert_eq!(ask(&mut rig, full), NOTHING);
     }
-    assert!(rig.device::<R150>(0).unwrap().truth().forward_speed > 0.3);
+    assert!(rig.device::<R150>(0).unwrap().truth().motion.forward_speed > 0.3);
     rig.clear(handle);
     inject(&mut rig, "kind = \"mute\"\ndirection = \"to-device\"");
     for _ in 0..60 {
@@ -149,7 +149,10 @@ fn a_mute_device_still_hears_and_a_deaf_one_stops_by_its_watchdog() {
             },
         );
     }
-    assert_eq!(rig.device::<R150>(0).unwrap().truth().forward_speed, 0.0);
+    assert_eq!(
+        rig.device::<R150>(0).unwrap().truth().motion.forward_speed,
+        0.0
+    );
 }
 
 #[test]

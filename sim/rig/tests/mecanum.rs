@@ -103,7 +103,7 @@ fn ten_tenths_forward_turn_each_wheel_once_on_either_link() {
         let circumference = std::f64::consts::TAU * 0.05;
         let truth = rig.device::<Mecanum>(0).unwrap().truth();
         assert!(
-            (truth.pose.x / circumference - 1.0).abs() < 0.05,
+            (truth.motion.pose.x / circumference - 1.0).abs() < 0.05,
             "{truth:?}"
         );
         let last = seen.last().unwrap();
@@ -250,8 +250,11 @@ fn a_square_ends_near_where_it_began() {
         run(&mut rig, MAIN, Duration::from_secs(6));
     }
     let truth = rig.device::<Mecanum>(0).unwrap().truth();
-    assert!(truth.distance > 1.0, "{truth:?}");
-    assert!(truth.pose.x.hypot(truth.pose.y) < 0.05, "{truth:?}");
+    assert!(truth.motion.distance > 1.0, "{truth:?}");
+    assert!(
+        truth.motion.pose.x.hypot(truth.motion.pose.y) < 0.05,
+        "{truth:?}"
+    );
 }
 
 #[test]
@@ -262,7 +265,7 @@ fn a_strafe_is_shorter_than_odometry_says() {
     let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(14)));
     let truth = rig.device::<Mecanum>(0).unwrap().truth();
     let odometry = f64::from(seen.last().unwrap().axis_y) / 10.0 * std::f64::consts::TAU * 0.05;
-    let delivered = truth.pose.y / odometry;
+    let delivered = truth.motion.pose.y / odometry;
     assert!((0.80..=0.92).contains(&delivered), "{delivered}");
 }
 
@@ -282,7 +285,7 @@ fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
     let car = rig.device::<Mecanum>(0).unwrap();
     let truth = car.truth();
     assert!(
-        truth.pose.heading.abs() > 0.1 || truth.pose.y.abs() > 0.05,
+        truth.motion.pose.heading.abs() > 0.1 || truth.motion.pose.y.abs() > 0.05,
         "{truth:?}"
     );
     assert!(
@@ -309,8 +312,8 @@ fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(14)));
     let truth = rig.device::<Mecanum>(0).unwrap().truth();
     let odometry = f64::from(seen.last().unwrap().axis_x) / 10.0 * std::f64::consts::TAU * 0.05;
-    assert!(truth.pose.x < 0.45, "{truth:?}");
-    assert!(odometry > truth.pose.x + 0.1, "{odometry} {truth:?}");
+    assert!(truth.motion.pose.x < 0.45, "{truth:?}");
+    assert!(odometry > truth.motion.pose.x + 0.1, "{odometry} {truth:?}");
     assert_eq!(seen.last().unwrap().infra, 1);
     assert!(
         rig.world()
@@ -334,7 +337,7 @@ fn an_obstacle_that_comes_or_goes_is_in_the_next_packets_and_in_the_way() {
     let now = rig.now();
     rig.client_sends(MAIN, now, &motion(0, 60, 300)).unwrap();
     run(&mut rig, MAIN, Duration::from_secs(5));
-    let leaning = rig.device::<Mecanum>(0).unwrap().truth().pose.x;
+    let leaning = rig.device::<Mecanum>(0).unwrap().truth().motion.pose.x;
     assert!(leaning < 0.4, "{leaning}");
     rig.with_world(|world| world.remove_obstacle("gate"))
         .unwrap();
@@ -342,7 +345,7 @@ fn an_obstacle_that_comes_or_goes_is_in_the_next_packets_and_in_the_way() {
     let now = rig.now();
     rig.client_sends(MAIN, now, &motion(0, 20, 300)).unwrap();
     run(&mut rig, MAIN, Duration::from_secs(6));
-    assert!(rig.device::<Mecanum>(0).unwrap().truth().pose.x > leaning + 0.5);
+    assert!(rig.device::<Mecanum>(0).unwrap().truth().motion.pose.x > leaning + 0.5);
 }
 
 /// Without a direction in the pulses the board takes a push back for a drive forward.
@@ -355,7 +358,8 @@ fn a_car_that_is_pushed_back_believes_that_it_drove_forward() {
         car.plant_mut().set_push([-30.0, 0.0, 0.0])
     });
     let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
-    let truth = rig.device::<Mecanum>(0).unwrap().truth().pose.x / (std::f64::consts::TAU * 0.05);
+    let truth =
+        rig.device::<Mecanum>(0).unwrap().truth().motion.pose.x / (std::f64::consts::TAU * 0.05);
     assert!(truth < -1.0, "{truth}");
     let believed = f64::from(seen.last().unwrap().axis_x) / 10.0;
     // The last packet is a tenth of a second older than the truth.
@@ -401,7 +405,7 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
     run(&mut rig, MAIN, Duration::from_secs(6));
     let car = rig.device::<Mecanum>(0).unwrap();
     assert!(rig.world().collisions(car.plant().body()) > 0);
-    assert!(car.truth().pose.x < 0.75, "the R150 is in the way");
+    assert!(car.truth().motion.pose.x < 0.75, "the R150 is in the way");
 }
 
 /// Packets, torn packets, lines and noise for both links, with pauses before them.
@@ -470,7 +474,7 @@ fn golden_car() {
         output.extend(run(&mut rig, MAIN, Duration::from_secs(2)));
         rig.client_reads(ROS, &mut output);
     }
-    let pose = rig.device::<Mecanum>(0).unwrap().truth().pose;
+    let pose = rig.device::<Mecanum>(0).unwrap().truth().motion.pose;
     let seen = (
         output.len(),
         format!("{:.3} {:.3} {:.3}", pose.x, pose.y, pose.heading),
