@@ -246,7 +246,8 @@ impl Device {
     ///
     /// # let sim = rigsim_embed::Simulation::of("r150")?;
     /// let truth = sim.device("r150")?.look(|r150: &R150| r150.truth())?;
-    /// assert_eq!((truth.pose.x, truth.pose.heading), (0.0, 0.0));
+    /// let pose = truth.motion.pose;
+    /// assert_eq!((pose.x, pose.heading), (0.0, 0.0));
     /// # Ok::<(), rigsim_embed::Error>(())
     /// ```
     ///

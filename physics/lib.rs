@@ -19,7 +19,7 @@
 //!     world.step()?;
 //!     plant.after_step(&mut world);
 //! }
-//! assert!(plant.truth().pose.x > 0.3);
+//! assert!(plant.truth().motion.pose.x > 0.3);
 //! # Ok::<(), rigsim_physics::PhysicsError>(())
 //! ```
 //!
