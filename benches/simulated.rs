@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use rapier2d::prelude as rapier;
 use rigsim_core::SimTime;
+use rigsim_core::device::Setup;
 use rigsim_core::line::Wire;
 use rigsim_core::r150::R150Settings;
 use rigsim_core::r150_device::command::Request;
-use rigsim_core::r150_device::vehicle::Start;
 use rigsim_core::rig::{PortId, Rig, RigSettings};
 use rigsim_physics::{Pose, WorldMap, WorldSettings};
 use support::{Aim, Figures, Options, Table, alternate, cpu_seconds, micros, times_real_time};
@@ -236,7 +236,12 @@ fn add_r150(rig: &mut Rig, lane: usize) {
         ..Pose::default()
     };
     let name = format!("r150-{lane}");
-    rigsim_core::r150::add(rig, &name, &R150Settings::default(), Start::Ready, pose);
+    let settings = R150Settings::default();
+    let setup = Setup {
+        pose,
+        ..Setup::new(&name, &settings)
+    };
+    rig.add(&rigsim_core::r150::R150_SPEC, &setup);
 }
 
 fn fraction(part: usize, whole: usize) -> f64 {

@@ -224,7 +224,20 @@ pub fn typed<T: DeviceSettings>(settings: &dyn DeviceSettings) -> &T {
     })
 }
 
-impl Setup<'_> {
+impl<'a> Setup<'a> {
+    /// A device at the origin in its usual state, with its first link.
+    #[must_use]
+    pub fn new(name: &'a str, settings: &'a dyn DeviceSettings) -> Self {
+        Self {
+            name,
+            settings,
+            start: 0,
+            links: 1,
+            pose: Pose::default(),
+            seed: 0,
+        }
+    }
+
     /// Its settings as those of this type, which its row has.
     ///
     /// # Panics

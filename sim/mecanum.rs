@@ -10,7 +10,7 @@ mod settings;
 use std::time::Duration;
 
 use rigsim_physics::mecanum::{MecanumPlant, MecanumTruth};
-use rigsim_physics::{Plant, Pose, World};
+use rigsim_physics::{Plant, World};
 use rigsim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
@@ -24,7 +24,6 @@ use crate::mecanum_device::packet::{Request, Status};
 use crate::mecanum_device::{Link, MecanumDevice, OperatorInput, codec, event};
 use crate::message::Message;
 use crate::noise::Noise;
-use crate::rig::Rig;
 pub use settings::MecanumSettings;
 
 /// The mecanum car.
@@ -93,26 +92,6 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
     ],
     check_scope: faults::check_scope,
 };
-
-/// Puts a mecanum car into the world of a rig; gives its index. Its main link has index 0, its ROS
-/// link, if it is configured, 1.
-pub fn add(
-    rig: &mut Rig,
-    name: &str,
-    settings: &MecanumSettings,
-    ros_configured: bool,
-    pose: Pose,
-) -> usize {
-    let setup = Setup {
-        name,
-        settings,
-        start: 0,
-        links: if ros_configured { 2 } else { 1 },
-        pose,
-        seed: 0,
-    };
-    rig.add(&MECANUM_SPEC, &setup)
-}
 
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
 /// then goes on at the next one.

@@ -10,7 +10,7 @@ mod watch;
 use std::time::Duration;
 
 use rigsim_physics::r150::{R150Plant, R150Truth};
-use rigsim_physics::{Plant, Pose, World};
+use rigsim_physics::{Plant, World};
 use rigsim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
@@ -26,7 +26,6 @@ use crate::noise::Noise;
 use crate::r150_device::command::{REPLIES, Reply, Request, code};
 use crate::r150_device::vehicle::{OperatorInput, Start};
 use crate::r150_device::{R150Device, codec, event};
-use crate::rig::Rig;
 pub use settings::R150Settings;
 use watch::Watch;
 
@@ -96,19 +95,6 @@ const FRAMES: Framing = Framing {
         Reply::Bool { command, success }.encode()
     },
 };
-
-/// Puts an R150 into the world of a rig; gives its index. Its one link has index 0.
-pub fn add(rig: &mut Rig, name: &str, settings: &R150Settings, start: Start, pose: Pose) -> usize {
-    let setup = Setup {
-        name,
-        settings,
-        start: start as usize,
-        links: 1,
-        pose,
-        seed: 0,
-    };
-    rig.add(&R150_SPEC, &setup)
-}
 
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
 /// then goes on at the next one.

@@ -45,11 +45,6 @@ impl SimSettings {
     pub fn of<T: DeviceSettings>(&self) -> Option<&T> {
         self.devices.iter().find_map(|own| own.get())
     }
-
-    /// The settings of this type; `None` if no device has such.
-    pub fn of_mut<T: DeviceSettings>(&mut self) -> Option<&mut T> {
-        self.devices.iter_mut().find_map(|own| own.get_mut())
-    }
 }
 
 impl Settings for SimSettings {

@@ -25,11 +25,6 @@ impl dyn DeviceSettings {
     pub fn get<T: DeviceSettings>(&self) -> Option<&T> {
         (self as &dyn Any).downcast_ref()
     }
-
-    /// The settings as those of this type, if they are.
-    pub fn get_mut<T: DeviceSettings>(&mut self) -> Option<&mut T> {
-        (self as &mut dyn Any).downcast_mut()
-    }
 }
 
 /// Comparison of settings of any type; whatever can be compared with its own type has it.

@@ -20,7 +20,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::*;
-use crate::device::{EffectError, EffectHandle};
+use crate::device::{EffectError, EffectHandle, Setup};
 use crate::event::{Event, EventKind};
 use crate::line::Wire;
 use crate::mecanum::{Mecanum, MecanumSettings};
@@ -31,7 +31,6 @@ use crate::r150::{R150, R150Settings};
 use crate::r150_device::codec;
 use crate::r150_device::command::SystemInfo;
 use crate::r150_device::command::{Reply, Request};
-use crate::r150_device::vehicle::Start;
 use crate::rig::{PortId, Rig, RigSettings};
 use crate::scanner::Decoded;
 
@@ -58,7 +57,7 @@ fn r150_with(seed: u64, change: impl FnOnce(&mut R150Settings)) -> Rig {
     let mut rig = rig(WorldMap::default(), seed);
     let mut settings = R150Settings::default();
     change(&mut settings);
-    crate::r150::add(&mut rig, "r150", &settings, Start::Ready, Pose::default());
+    rig.add(&crate::r150::R150_SPEC, &Setup::new("r150", &settings));
     rig.with_device(0, |r150: &mut R150, _, _| {
         for rail in Rail::ALL {
             r150.plant_mut().set_load(rail, Load::Power(5.0));
@@ -88,7 +87,11 @@ fn car(ros: bool) -> Rig {
     let ultrasonic = &mut settings.plant.ultrasonic;
     (ultrasonic.noise, ultrasonic.crosstalk) = (0.0, 0.0);
     settings.firmware.link_timeout = Some(MS(400));
-    crate::mecanum::add(&mut rig, "car", &settings, ros, Pose::default());
+    let setup = Setup {
+        links: if ros { 2 } else { 1 },
+        ..Setup::new("car", &settings)
+    };
+    rig.add(&crate::mecanum::MECANUM_SPEC, &setup);
     rig.attach(MAIN, SimTime::ZERO).unwrap();
     rig.attach(ROS, SimTime::ZERO).unwrap();
     rig

@@ -11,7 +11,6 @@ use super::*;
 use crate::line::{ClientLine, LineEvent};
 use crate::r150::{R150, R150Settings};
 use crate::r150_device::command::Request;
-use crate::r150_device::vehicle::Start;
 use rigsim_physics::Pose;
 
 const PORT: PortId = PortId { device: 0, link: 0 };
@@ -41,7 +40,7 @@ fn rig_with(wire: Wire, seed: u64, change: impl FnOnce(&mut R150Settings)) -> Ri
     });
     let mut settings = R150Settings::default();
     change(&mut settings);
-    crate::r150::add(&mut rig, "r150", &settings, Start::Ready, Pose::default());
+    rig.add(&crate::r150::R150_SPEC, &Setup::new("r150", &settings));
     rig.attach(PORT, SimTime::ZERO).unwrap();
     rig
 }

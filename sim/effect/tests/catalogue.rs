@@ -152,13 +152,8 @@ fn a_rig_refuses_what_this_device_cannot_have() {
     let mute = checked(&MECANUM_SPEC, 1, "kind = \"mute\"").unwrap();
     assert_eq!(rig.apply(7, "a", &mute), Err(EffectError::NoDevice(7)));
     let mut plain = super::rig(WorldMap::default(), 1);
-    crate::mecanum::add(
-        &mut plain,
-        "car",
-        &MecanumSettings::default(),
-        false,
-        Pose::default(),
-    );
+    let settings = MecanumSettings::default();
+    plain.add(&MECANUM_SPEC, &Setup::new("car", &settings));
     let refused = plain.inject(0, "a", &sample("watchdog-off")).unwrap_err();
     assert!(refused.to_string().contains("link_timeout"), "{refused}");
     assert_eq!(phases(&mut rig), []);

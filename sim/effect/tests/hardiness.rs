@@ -85,7 +85,13 @@ fn transcript(seed: u64, actions: &[(u64, Action)], ask_often: bool) -> String {
         x: 1.2,
         ..Pose::default()
     };
-    crate::mecanum::add(&mut rig, "car", &MecanumSettings::default(), true, pose);
+    let settings = MecanumSettings::default();
+    let setup = Setup {
+        links: 2,
+        pose,
+        ..Setup::new("car", &settings)
+    };
+    rig.add(&crate::mecanum::MECANUM_SPEC, &setup);
     for port in PORTS {
         rig.attach(port, SimTime::ZERO).unwrap();
     }

@@ -20,17 +20,12 @@ fn drive(step: u64, car: bool, sends: &[(SimTime, Vec<u8>)], seconds: u64) -> Mo
         wire: Wire::Bare,
         seed: 1,
     });
-    let pose = Pose::default();
     if car {
-        crate::mecanum::add(&mut rig, "car", &MecanumSettings::default(), false, pose);
+        let settings = MecanumSettings::default();
+        rig.add(&crate::mecanum::MECANUM_SPEC, &Setup::new("car", &settings));
     } else {
-        crate::r150::add(
-            &mut rig,
-            "r150",
-            &R150Settings::default(),
-            Start::Ready,
-            pose,
-        );
+        let settings = R150Settings::default();
+        rig.add(&crate::r150::R150_SPEC, &Setup::new("r150", &settings));
     }
     rig.attach(PORT, SimTime::ZERO).unwrap();
     for (at, bytes) in sends {

@@ -35,7 +35,7 @@ fn r150(name: &str, change: impl FnOnce(&mut R150Settings)) -> f64 {
     let mut settings = R150Settings::default();
     change(&mut settings);
     let mut rig = empty();
-    crate::r150::add(&mut rig, name, &settings, Start::Ready, Pose::default());
+    rig.add(&crate::r150::R150_SPEC, &Setup::new(name, &settings));
     let (right, left) = (700, 700);
     beside(rig, &Request::SetMotors { right, left }.encode())
 }
@@ -44,7 +44,7 @@ fn car(name: &str, change: impl FnOnce(&mut MecanumSettings)) -> f64 {
     let mut settings = MecanumSettings::default();
     change(&mut settings);
     let mut rig = empty();
-    crate::mecanum::add(&mut rig, name, &settings, false, Pose::default());
+    rig.add(&crate::mecanum::MECANUM_SPEC, &Setup::new(name, &settings));
     let ahead = Packet::Motion {
         seq: 0,
         is_reset: 1,

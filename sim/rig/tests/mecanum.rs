@@ -28,7 +28,11 @@ fn car_in(map: WorldMap, ros: bool, change: impl FnOnce(&mut MecanumSettings)) -
     });
     let mut settings = MecanumSettings::default();
     change(&mut settings);
-    crate::mecanum::add(&mut rig, "car", &settings, ros, Pose::default());
+    let setup = Setup {
+        links: if ros { 2 } else { 1 },
+        ..Setup::new("car", &settings)
+    };
+    rig.add(&crate::mecanum::MECANUM_SPEC, &setup);
     rig.attach(MAIN, SimTime::ZERO).unwrap();
     rig.attach(ROS, SimTime::ZERO).unwrap();
     rig
@@ -137,13 +141,12 @@ fn a_car_that_rests_beside_one_that_wakes_drives_like_one_that_is_alone() {
             y: 5.0,
             ..Pose::default()
         };
-        crate::mecanum::add(
-            &mut rig,
-            "neighbour",
-            &MecanumSettings::default(),
-            false,
-            away,
-        );
+        let settings = MecanumSettings::default();
+        let setup = Setup {
+            pose: away,
+            ..Setup::new("neighbour", &settings)
+        };
+        rig.add(&crate::mecanum::MECANUM_SPEC, &setup);
         let neighbour = PortId { device: 1, link: 0 };
         rig.attach(neighbour, SimTime::ZERO).unwrap();
         if with_neighbour {
@@ -389,13 +392,12 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
         x: 1.2,
         ..Pose::default()
     };
-    crate::r150::add(
-        &mut rig,
-        "r150",
-        &R150Settings::default(),
-        Start::Ready,
+    let settings = R150Settings::default();
+    let setup = Setup {
         pose,
-    );
+        ..Setup::new("r150", &settings)
+    };
+    rig.add(&crate::r150::R150_SPEC, &setup);
     rig.with_device(1, |r150: &mut R150, _, _| {
         r150.plant_mut()
             .set_load(rigsim_physics::r150::Rail::V48, Load::Open);
