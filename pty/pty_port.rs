@@ -430,7 +430,7 @@ impl PtyPort {
     }
 }
 
-/// Has the waiter report who comes, and what a client that is there does.
+/// Makes the waiter report who comes, and what a client that is there does.
 fn watch(registration: &mut Registration, pair: &Pair) -> Result<(), PortErrorKind> {
     registration.watch_node(pair.slave())?;
     registration.watch(pair, IN)?;
