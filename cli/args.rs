@@ -34,7 +34,7 @@ pub(crate) use merge::MergeArgs;
 pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg, again};
 pub(crate) use serve::ServeArgs;
 pub(crate) use shard::{Shard, shard};
-pub(crate) use vehicle::{CompareArgs, FitArgs, TapArgs};
+pub(crate) use vehicle::{CompareArgs, FitArgs, PosesArgs, TapArgs};
 
 const EXAMPLES: &str = "\
 Examples:

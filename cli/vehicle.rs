@@ -6,6 +6,7 @@ mod knob;
 mod model;
 mod page;
 mod plan;
+mod poses;
 mod recording;
 mod report;
 mod search;

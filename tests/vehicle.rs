@@ -489,6 +489,126 @@ fn nothing_is_contradicted_over_ten_drives_of_a_vehicle_as_assumed() {
     }
 }
 
+/// Where the vehicle of a drive was, as a file of poses with another clock and another place and direction.
+fn poses(folder: &Folder, trace: &str) -> String {
+    let (sin, cos) = 40_f64.to_radians().sin_cos();
+    let mut text = "# of a test\nheading_deg, x_m, y_m, seconds\n".to_owned();
+    let poses = records(&folder.file(trace));
+    for record in poses.iter().filter(|record| record["kind"] == "pose") {
+        let [t, x, y, heading] =
+            ["t", "x", "y", "heading"].map(|key| record[key].as_f64().unwrap());
+        let (x, y, heading) = (
+            x * cos - y * sin - 7.0,
+            x * sin + y * cos + 3.0,
+            heading.to_degrees() + 40.0,
+        );
+        text += &format!(
+            "{},{x},{y},{}\n",
+            (heading + 180.0).rem_euclid(360.0) - 180.0,
+            t / 1e9 + 1e6
+        );
+    }
+    text
+}
+
+#[test]
+fn poses_tell_what_the_vehicle_does_not_report() {
+    let folder = Folder::with(&[("drive.toml", DRIVE), ("perform.py", PERFORM)]);
+    let change = "r150.tyre.wheel_radius=0.23 m";
+    let trace = driven(&folder, "turns on the spot and with one side", 5, &[change]);
+    std::fs::write(folder.file("poses.csv"), poses(&folder, &trace)).unwrap();
+    let only = "r150.tyre.wheel_radius,r150.body.track,r150.motor.ramp_up";
+    let fit = ["fit", &trace, "--only", only, "--output", "vehicle.toml"];
+    let at = ["--poses", "poses.csv", "--poses-offset=-1000000s"];
+    folder.sim(&[&fit[..], &at].concat()).expect_clean();
+    let toml = folder.read("vehicle.toml");
+    let line = toml
+        .lines()
+        .find(|line| line.starts_with("r150."))
+        .expect(&toml);
+    let radius = line
+        .strip_prefix("r150.tyre.wheel_radius = \"")
+        .expect(&toml);
+    let radius: f64 = radius.strip_suffix(" m\"").unwrap().parse().unwrap();
+    assert!((radius - 0.23).abs() < 0.001, "{toml}");
+    // The clock of the file is found, and what is left is equal.
+    let compare = ["compare", &trace, "--only", only, "--poses", "poses.csv"];
+    let more = ["--config", "vehicle.toml", "--report", "page.html"];
+    let text = folder
+        .sim(&[&compare[..], &more].concat())
+        .expect_clean()
+        .out;
+    assert!(text.contains("poses: -1000000.00"), "{text}");
+    assert!(text.contains("pose.heading"), "{text}");
+    assert!(folder.read("page.html").contains("pose.speed"));
+    println!("{text}\n{toml}");
+}
+
+#[test]
+fn what_is_wrong_with_poses_is_named() {
+    let folder = Folder::with(&[("drive.toml", DRIVE), ("perform.py", PERFORM)]);
+    let trace = driven(&folder, "questions", 5, &[]);
+    let head = "seconds,x_m,y_m,heading_deg\n";
+    for (text, why) in [
+        (
+            "seconds,x_m,y_m\n0,0,0\n".to_owned(),
+            "line 1: no column is named `heading_deg`",
+        ),
+        (
+            format!("{head}0,0,0,0\n1,0,left,0\n"),
+            "line 3, column y_m: `left` is no number",
+        ),
+        (
+            format!("{head}0,NaN,0,0\n"),
+            "line 2, column x_m: `NaN` is no number",
+        ),
+        (format!("{head}0,0,0,0\n1,0,0\n"), "line: 3"),
+        (
+            format!("{head}1,0,0,0\n1,0,0,0\n"),
+            "line 3, column seconds: time goes back",
+        ),
+        (
+            format!("{head}1,0,0,0\n9999,0,0,0\n"),
+            "line 3, column seconds: more than an hour",
+        ),
+        (format!("{head}1,0,0,0\n"), "less than two poses"),
+        (
+            format!("{head}1,0,0,0\n2,0,0,0\n"),
+            "do not move as the model does",
+        ),
+    ] {
+        std::fs::write(folder.file("poses.csv"), text).unwrap();
+        let compare = [
+            "compare",
+            &trace,
+            "--only",
+            "r150.over_rate",
+            "--poses",
+            "poses.csv",
+        ];
+        folder.sim(&compare).expect_refusal(2, &["poses.csv", why]);
+    }
+    std::fs::write(
+        folder.file("poses.csv"),
+        format!("{head}1,0,0,0\n2,0,0,0\n"),
+    )
+    .unwrap();
+    for (offset, why) in [
+        ("1h", "no pose is of the recording's"),
+        ("soon", "--poses-offset"),
+    ] {
+        let compare = [
+            "compare",
+            &trace,
+            "--poses",
+            "poses.csv",
+            "--poses-offset",
+            offset,
+        ];
+        folder.sim(&compare).expect_refusal(2, &[why]);
+    }
+}
+
 /// Drives of which at least one can be compared, unless a machine stalls all the time: `sim tap` notes when it
 /// woke up late, late replies show by themselves, and the fit says how much is left.
 const DRIVES: usize = 5;

@@ -59,6 +59,8 @@ Examples:
       Play what the client sent into the model, and print where the vehicle does something else.
   sim compare drive.jsonl --config vehicle.toml --report page.html
       The same with other settings, and a page with a plot of each field.
+  sim compare drive.jsonl --poses poses.csv
+      Compare also where the vehicle was.
 
 Exit codes:
   0  nothing documented is contradicted
@@ -66,12 +68,34 @@ Exit codes:
   2  usage or configuration: a flag or a file is wrong
   3  the system refused something, such as writing the page";
 
+/// Poses beside recordings.
+#[derive(Debug, Args)]
+pub(crate) struct PosesArgs {
+    /// Compare also with where the vehicle was, by motion capture or GNSS: a CSV file with the columns
+    /// seconds, x_m, y_m and heading_deg, which is counter-clockwise. Once for each recording, in the
+    /// same order.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) poses: Vec<PathBuf>,
+    /// Time to add to those of the poses, which makes them times of the recording; `auto` for that at which the
+    /// vehicle moves when the model does.
+    #[arg(
+        long,
+        value_name = "TIME",
+        default_value = "auto",
+        allow_hyphen_values = true,
+        requires = "poses"
+    )]
+    pub(crate) poses_offset: String,
+}
+
 /// Comparison of a recording with the model.
 #[derive(Debug, Args)]
 #[command(after_help = COMPARE_EXAMPLES)]
 pub(crate) struct CompareArgs {
     /// A recording of `sim tap`, or a trace of `sim run` with a client.
     pub(crate) trace: PathBuf,
+    #[command(flatten)]
+    pub(crate) poses: PosesArgs,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     /// Judge only settings that begin so, as in r150.motor,r150.over_rate.
@@ -111,6 +135,8 @@ pub(crate) struct FitArgs {
     /// The kind of vehicle that the plan is for.
     #[arg(long, requires = "plan")]
     pub(crate) device: String,
+    #[command(flatten)]
+    pub(crate) poses: PosesArgs,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     /// Search only among settings that begin so, as in r150.motor,r150.over_rate.

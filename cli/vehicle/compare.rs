@@ -2,17 +2,19 @@
 
 use std::path::PathBuf;
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use rigsim_core::device::Devices;
+use rigsim_settings::parse_quantity;
 
 use super::recording::Recording;
 use super::report::{MARK, Report};
 use super::search::{Findings, Search};
-use super::{page, plan};
-use crate::args::{CompareArgs, FitArgs, SettingsArgs};
+use super::{page, plan, poses};
+use crate::args::{CompareArgs, FitArgs, PosesArgs, SettingsArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::print::{OutputFile, print};
+use crate::visible;
 
 /// Most requests that are compared at a time. Hundreds of plays are kept, of some 200 bytes for each request
 /// in each of them.
@@ -25,7 +27,12 @@ pub(crate) fn compare(devices: Devices, args: &CompareArgs) -> Result<Exit, Fail
         .as_deref()
         .map(|path| OutputFile::find(path, crate::run::REPORT_MARKS));
     let page = page.transpose()?;
-    let recordings = read(devices, std::slice::from_ref(&args.trace), &args.settings)?;
+    let recordings = read(
+        devices,
+        std::slice::from_ref(&args.trace),
+        &args.poses,
+        &args.settings,
+    )?;
     let (search, findings) = search(devices, &recordings, &args.settings, &args.only)?;
     let report = Report::of(&search, &findings);
     if let Some(page) = page {
@@ -51,7 +58,7 @@ pub(crate) fn fit(devices: Devices, args: &FitArgs) -> Result<Exit, Failure> {
         .as_deref()
         .ok_or_else(|| Failure::usage(anyhow!("give --output")))?;
     let output = OutputFile::find(output, &[MARK])?;
-    let recordings = read(devices, &args.traces, &args.settings)?;
+    let recordings = read(devices, &args.traces, &args.poses, &args.settings)?;
     let (search, findings) = search(devices, &recordings, &args.settings, &args.only)?;
     let report = Report::of(&search, &findings);
     output.write(&report.toml())?;
@@ -64,11 +71,31 @@ pub(crate) fn fit(devices: Devices, args: &FitArgs) -> Result<Exit, Failure> {
 fn read(
     devices: Devices,
     paths: &[PathBuf],
+    poses: &PosesArgs,
     settings: &SettingsArgs,
 ) -> Result<Vec<Recording>, Failure> {
     let settings = config::load(devices, settings)?;
     let read = |path: &PathBuf| Recording::read(devices, path, &settings);
-    let recordings: Vec<Recording> = paths.iter().map(read).collect::<Result<_, _>>()?;
+    let mut recordings: Vec<Recording> = paths.iter().map(read).collect::<Result<_, _>>()?;
+    if poses.poses.len() > recordings.len() {
+        let why = anyhow!("give --poses once for each recording, in the same order");
+        return Err(Failure::usage(why));
+    }
+    let offset = match &*poses.poses_offset {
+        "auto" => None,
+        time => Some(
+            parse_quantity(time, "s")
+                .map_err(|why| Failure::usage(anyhow!("--poses-offset: {why}, or `auto`")))?,
+        ),
+    };
+    for (recording, path) in recordings.iter_mut().zip(&poses.poses) {
+        let read = poses::read(path).and_then(|poses| {
+            let added = recording.add_poses(&poses, offset, &settings);
+            added.map_err(anyhow::Error::msg)
+        });
+        read.with_context(|| format!("poses {}", visible::name(path)))
+            .map_err(Failure::usage)?;
+    }
     if recordings
         .windows(2)
         .any(|two| two[0].device != two[1].device)

@@ -1,6 +1,7 @@
 //! A recording of a vehicle, and what the model answers to the same bytes at the same times.
 
 use std::path::Path;
+use std::time::Duration;
 
 use anyhow::anyhow;
 use rigsim_core::SimTime;
@@ -11,6 +12,7 @@ use rigsim_core::message::{FieldInfo, Sender, WireType};
 use rigsim_core::settings::SimSettings;
 use rigsim_runner::trace::{Header, Record, Replay, Sent};
 
+use super::poses::{self, TimedPose, Track};
 use crate::config;
 use crate::exit::Failure;
 use crate::print::complain;
@@ -27,6 +29,8 @@ const BEFORE: u64 = 200_000_000;
 /// A reply that is later than the usual one of its command by more than this and ten times their spread
 /// was held up, ns; so was the machine, if it was late by that.
 const LATE: u64 = 5_000_000;
+/// In the place of a link, for poses beside the recording.
+const POSES: usize = usize::MAX;
 
 /// A recording, with the vehicle's side of it.
 pub(super) struct Recording {
@@ -40,6 +44,10 @@ pub(super) struct Recording {
     pub(super) seen: Seen,
     /// Set if it was recorded in real time, where a machine may stall.
     pub(super) is_real: bool,
+    /// Set if poses are beside it: what was added to their times, s.
+    pub(super) offset: Option<f64>,
+    /// When the recording machine stalled, ns.
+    stalls: Vec<(u64, u64)>,
     end: SimTime,
 }
 
@@ -63,10 +71,17 @@ pub(super) struct Slot {
     pub(super) held_out: bool,
 }
 
+impl Slot {
+    /// Returns whether it is a pose beside the recording.
+    pub(super) fn is_pose(&self) -> bool {
+        self.link == POSES
+    }
+}
+
 /// Replies, one place for each slot.
 pub(super) type Seen = Vec<Option<Reply>>;
 
-/// A reply to a slot.
+/// A reply to a slot, or a pose, which has no bytes.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Reply {
     pub(super) at: u64,
@@ -206,9 +221,11 @@ impl Recording {
             acts: Vec::new(),
             slots: Vec::new(),
             seen: Vec::new(),
+            offset: None,
+            stalls: Vec::new(),
             end: SimTime::ZERO,
         };
-        let (mut client, mut vehicle, mut stalls) = (Sent::new(), Sent::new(), Vec::new());
+        let (mut client, mut vehicle) = (Sent::new(), Sent::new());
         let mut last = 0;
         for record in records {
             match &record {
@@ -229,7 +246,8 @@ impl Recording {
                 }
                 Record::Late { t, by, .. } => {
                     let is_stall = *by > LATE;
-                    stalls.extend(is_stall.then(|| (t.saturating_sub(*by), *t)));
+                    let stall = is_stall.then(|| (t.saturating_sub(*by), *t));
+                    recording.stalls.extend(stall);
                     continue;
                 }
                 Record::Attach { .. }
@@ -255,21 +273,116 @@ impl Recording {
         }
         recording.hold_out();
         recording.seen = recording.align(answers);
-        recording.leave_out_stalls(stalls);
+        if recording.is_real {
+            recording.find_stalls();
+            leave_out(&recording.stalls, &mut recording.slots);
+        }
         Ok(recording)
+    }
+
+    /// Puts poses beside it. Without an offset, `settings` say when the vehicle moves.
+    pub(super) fn add_poses(
+        &mut self,
+        poses: &[TimedPose],
+        offset: Option<f64>,
+        settings: &SimSettings,
+    ) -> Result<(), String> {
+        let end = self.end.as_nanos();
+        let find = || {
+            let times: Vec<u64> = (1..=end / poses::APART)
+                .map(|at| at * poses::APART)
+                .collect();
+            let (_, model) = self.replay(settings, 0, &times)?;
+            let found = poses::offset(poses, &model);
+            found.ok_or("the poses do not move as the model does: give --poses-offset".to_owned())
+        };
+        let offset = offset.map_or_else(find, Ok)?;
+        let at = |pose: &TimedPose| {
+            let at = Duration::try_from_secs_f64(pose[0] + offset).ok()?;
+            u64::try_from(at.as_nanos())
+                .ok()
+                .filter(|at| (1..end).contains(at))
+        };
+        let (times, poses): (Vec<u64>, Vec<TimedPose>) = poses
+            .iter()
+            .filter_map(|pose| Some((at(pose)?, *pose)))
+            .unzip();
+        if poses.is_empty() {
+            let length = self.end.as_secs_f64();
+            return Err(format!(
+                "no pose is of the recording's {length:.1} s, if {offset} s are added to their times"
+            ));
+        }
+        let still = times.partition_point(|at| *at < self.slots[0].at);
+        let slot = |(count, at): (usize, u64)| Slot {
+            at,
+            link: POSES,
+            command: None,
+            own: None,
+            text: "pose".to_owned(),
+            name: "pose".to_owned(),
+            counts: true,
+            late: 0.0,
+            held_out: count % 3 == 2,
+        };
+        let mut slots: Vec<Slot> = times.into_iter().enumerate().map(slot).collect();
+        leave_out(&self.stalls, &mut slots);
+        let known = std::mem::take(&mut self.slots)
+            .into_iter()
+            .zip(self.seen.drain(..));
+        let new = slots
+            .into_iter()
+            .zip(poses::replies(&poses, still).map(Some));
+        let mut all: Vec<(Slot, Option<Reply>)> = known.chain(new).collect();
+        all.sort_by_key(|(slot, _)| slot.at);
+        (self.slots, self.seen) = all.into_iter().unzip();
+        self.offset = Some(offset);
+        Ok(())
     }
 
     /// What the model with these settings does.
     pub(super) fn play(&self, settings: &SimSettings, seed: u64) -> Result<Seen, String> {
+        let times = self.slots.iter().filter(|slot| slot.is_pose());
+        let times: Vec<u64> = times.map(|slot| slot.at).collect();
+        let (sent, track) = self.replay(settings, seed, &times)?;
+        let mut seen = self.align(self.frames(&sent, Sender::Device, settings));
+        let poses = self
+            .slots
+            .iter()
+            .zip(&mut seen)
+            .filter(|(slot, _)| slot.is_pose());
+        for ((_, seen), reply) in poses.zip(poses::replies(&track, 1)) {
+            *seen = Some(reply);
+        }
+        Ok(seen)
+    }
+
+    /// What the model sends, and where it is at these times.
+    fn replay(
+        &self,
+        settings: &SimSettings,
+        seed: u64,
+        times: &[u64],
+    ) -> Result<(Sent, Vec<TimedPose>), String> {
         let mut header = Header {
             settings: config::changed(settings).join("\n"),
             seed,
             ..self.header.clone()
         };
         header.source.set.clear();
-        let sent = Replay::play(self.devices, &header, &self.acts, self.end);
+        let mut track = Track {
+            times,
+            poses: Vec::new(),
+        };
+        let sent = Replay::play(
+            self.devices,
+            &header,
+            &self.acts,
+            self.end,
+            Some(&mut track),
+        );
         let sent = sent.map_err(|error| error.to_string())?;
-        Ok(self.align(self.frames(&sent, Sender::Device, settings)))
+        Ok((sent, track.poses))
     }
 
     fn frames(&self, sent: &Sent, sender: Sender, settings: &SimSettings) -> Vec<Timed> {
@@ -336,12 +449,8 @@ impl Recording {
         seen
     }
 
-    /// Leaves out the time in which the recording machine stalled, or in which a reply came later than
-    /// the line can explain, and notes it for what follows.
-    fn leave_out_stalls(&mut self, mut stalls: Vec<(u64, u64)>) {
-        if !self.is_real {
-            return;
-        }
+    /// Notes when a reply came later than the line can explain.
+    fn find_stalls(&mut self) {
         let mut waits: std::collections::BTreeMap<_, Vec<f64>> = Default::default();
         for reply in self.seen.iter().flatten() {
             waits.entry(reply.form).or_default().push(reply.values[0]);
@@ -350,16 +459,20 @@ impl Recording {
             let Some(reply) = reply else { continue };
             let (usual, spread) = middle(&waits[&reply.form]);
             if (reply.values[0] - usual) * 1e6 > LATE as f64 + 10e6 * spread {
-                stalls.push((slot.at, reply.at));
+                self.stalls.push((slot.at, reply.at));
             }
         }
-        for slot in &mut self.slots {
-            for (from, to) in &stalls {
-                slot.counts &= !(*from..=*to + 1).contains(&slot.at)
-                    && !(slot.at..slot.at + BEFORE).contains(from);
-                if (*from..to + SETTLING).contains(&slot.at) {
-                    slot.late += (to - from) as f64 / 1e6;
-                }
+    }
+}
+
+/// Leaves out the time in which the recording machine stalled, and notes it for what follows.
+fn leave_out(stalls: &[(u64, u64)], slots: &mut [Slot]) {
+    for slot in slots {
+        for (from, to) in stalls {
+            slot.counts &= !(*from..=*to + 1).contains(&slot.at)
+                && !(slot.at..slot.at + BEFORE).contains(from);
+            if (*from..to + SETTLING).contains(&slot.at) {
+                slot.late += (to - from) as f64 / 1e6;
             }
         }
     }

@@ -9,9 +9,9 @@ use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 use serde::Serialize;
 
-use super::plan;
 use super::recording::{Reply, Slot, middle};
 use super::search::{ENOUGH, Findings, Found, Model, Search, Verdict};
+use super::{plan, poses};
 use crate::config;
 
 /// First words of a file of settings that were found.
@@ -24,6 +24,8 @@ const LAG_STEP: f64 = 10.0;
 pub(super) struct Report {
     /// Share of the recording that took part; the rest was left out for stalls of the machine.
     pub(super) used: f64,
+    /// What was added to the times of poses, s, for each recording that has some.
+    pub(super) poses_offsets: Vec<f64>,
     /// Nothing that is documented is contradicted, and nothing is unexplained.
     pub(super) is_as_documented: bool,
     pub(super) commands: Vec<CommandRow>,
@@ -103,6 +105,11 @@ impl Report {
         let contradicted = documented.filter(|row| row.verdict == Verdict::Contradicted.as_str());
         Self {
             used: search.used(),
+            poses_offsets: search
+                .recordings
+                .iter()
+                .filter_map(|one| one.offset)
+                .collect(),
             // Where little is left of a recording, what differs may be the machine's.
             is_as_documented: contradicted.count() == 0
                 && (unexplained.is_empty() || search.used() < ENOUGH),
@@ -178,6 +185,9 @@ impl Report {
             );
         }
         let _ = writeln!(text, "the other {same} are equal\n");
+        for offset in &self.poses_offsets {
+            let _ = writeln!(text, "poses: {offset:.3} s were added to their times\n");
+        }
         text.push_str(&self.verdicts());
         text
     }
@@ -382,6 +392,7 @@ fn shown(search: &Search<'_>, findings: &Findings, found: &Found) -> String {
     let (at, slot) = found.shown_by;
     let recording = &search.recordings[at];
     let reply = |reply: Option<&Reply>| match reply {
+        Some(reply) if recording.slots[slot].is_pose() => poses::show(reply),
         Some(reply) => format!("{} after {:.1} ms", Hex(&reply.bytes), reply.values[0]),
         None => "nothing".to_owned(),
     };
@@ -407,7 +418,7 @@ fn all<'a>(
 
 fn commands(search: &Search<'_>, model: &Model) -> Vec<CommandRow> {
     let mut rows: BTreeMap<&str, (usize, [Vec<&Reply>; 2])> = BTreeMap::new();
-    for ((at, slot), asked, seen) in all(search) {
+    for ((at, slot), asked, seen) in all(search).filter(|(_, slot, _)| !slot.is_pose()) {
         let (count, [by_vehicle, by_model]) = rows.entry(&asked.name).or_default();
         *count += 1;
         by_vehicle.extend(seen);

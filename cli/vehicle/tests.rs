@@ -50,6 +50,7 @@ fn drive(parts: &[&str], changes: &[String], seed: u64) -> Recording {
         &header,
         &records,
         SimTime::from_nanos(t + 1_000_000_000),
+        None,
     );
     for (t, byte) in sent.unwrap().into_values().flatten() {
         records.push(Record::Out {

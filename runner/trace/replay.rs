@@ -167,7 +167,8 @@ impl<'o> Replay<'o> {
     }
 
     /// Plays what clients and people did in a recording with this header, which may be another than
-    /// was recorded, until `end`; returns what the devices sent at each port, with times in ns.
+    /// was recorded, until `end`; returns what the devices sent at each port, with times in ns. An
+    /// onlooker looks on.
     ///
     /// # Errors
     /// What is wrong with the header or with a record.
@@ -176,10 +177,12 @@ impl<'o> Replay<'o> {
         header: &Header,
         records: impl IntoIterator<Item = &'r Record>,
         end: SimTime,
+        onlooker: Option<&'o mut dyn Onlooker>,
     ) -> Result<Sent, ReplayError> {
         let malformed = |why| ReplayError::Malformed { line: 1, why };
         let mut replay = Self::of(devices, header).map_err(malformed)?;
         replay.keeps = true;
+        replay.onlooker = onlooker;
         for record in records {
             replay.line += 1;
             replay.record(record.clone())?;
