@@ -16,14 +16,16 @@ Examples:
   sim tap --csv capture.csv --trace drive.jsonl
       Read a capture made elsewhere. Each line is `seconds,direction,bytes`, as in
       `12.345678,client,AA5500070A3B`; direction is `client` or `vehicle`, with `:1` behind it for the
-      second link.";
+      second link.
+  sim tap --pcap capture.pcapng --usb 1.5 --trace drive.jsonl
+      Read what Wireshark has captured of the adapter that is device 5 at bus 1.";
 
 /// What stands between a client and a vehicle, and writes down what passes.
 #[derive(Debug, Args)]
 #[command(after_help = TAP_EXAMPLES)]
 pub(crate) struct TapArgs {
     /// The serial port of the vehicle; a second one for its second link.
-    #[arg(value_name = "DEVICE", required_unless_present = "csv")]
+    #[arg(value_name = "DEVICE", required_unless_present_any = ["csv", "pcap"])]
     pub(crate) vehicle: Vec<PathBuf>,
     /// Where the client connects, once for each link: a path for a pseudo-terminal, or
     /// rfc2217://HOST:PORT or tcp://HOST:PORT.
@@ -31,12 +33,19 @@ pub(crate) struct TapArgs {
         long = "pty",
         visible_alias = "listen",
         value_name = "PATH",
-        required_unless_present = "csv"
+        required_unless_present_any = ["csv", "pcap"]
     )]
     pub(crate) client: Vec<PathBuf>,
     /// Read this capture instead of recording.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["vehicle", "client"])]
     pub(crate) csv: Option<PathBuf>,
+    /// Read this pcap or pcapng file of a USB adapter instead of recording: of usbmon or USBPcap, with CDC-ACM,
+    /// FTDI, CP210x or CH34x.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["vehicle", "client", "csv"])]
+    pub(crate) pcap: Option<PathBuf>,
+    /// The adapter in it, as BUS.DEVICE, once for each link; not needed if it has only one.
+    #[arg(long, value_name = "BUS.DEVICE", requires = "pcap")]
+    pub(crate) usb: Vec<String>,
     /// The recording to write.
     #[arg(long, value_name = "PATH")]
     pub(crate) trace: PathBuf,

@@ -1,33 +1,61 @@
 //! Captures made elsewhere, read into a recording.
 
+mod usb;
+
+use std::io::Read;
+
 use anyhow::{Context as _, anyhow};
 use rigsim_core::event::read_hex;
 use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 
 use super::end;
 
-/// Turns `seconds,direction,bytes` on each line into records; a heading, empty lines and comments that
-/// begin with `#` are skipped. Times count from the first line; the last record is the end.
-pub(super) fn read(text: &str, links: usize) -> anyhow::Result<Vec<Record>> {
-    let mut records = Vec::new();
-    let mut begin = None;
-    let mut last = 0;
-    for (number, line) in text.lines().enumerate() {
-        let line = line.trim();
-        let is_heading = number == 0 && !line.starts_with(|c: char| c.is_ascii_digit());
-        if line.is_empty() || line.starts_with('#') || is_heading {
-            continue;
-        }
-        let row = row(line, links).with_context(|| format!("line {}", number + 1))?;
+/// Reads `seconds,direction,bytes` on each line; a heading, empty lines and comments that begin with `#` are
+/// skipped.
+pub(super) fn of_text(text: &str, links: usize) -> anyhow::Result<Vec<Record>> {
+    let lines = text.lines().map(str::trim).enumerate();
+    let rows = lines.filter(|(number, line)| {
+        let is_heading = *number == 0 && !line.starts_with(|c: char| c.is_ascii_digit());
+        !line.is_empty() && !line.starts_with('#') && !is_heading
+    });
+    let row = |(number, line)| {
+        let place = format!("line {}", number + 1);
+        Ok((row(line, links).with_context(|| place.clone())?, place))
+    };
+    let rows = rows.map(row).collect::<anyhow::Result<Vec<_>>>()?;
+    if rows.is_empty() {
+        return Err(anyhow!(
+            "it has no lines; each is `seconds,direction,bytes`"
+        ));
+    }
+    records(rows, links)
+}
+
+/// Reads a pcap or pcapng file of USB; `chosen` has the device of each link.
+pub(super) fn of_usb(
+    file: impl Read + Send,
+    chosen: &[String],
+    links: usize,
+) -> anyhow::Result<Vec<Record>> {
+    let rows = usb::read(file, chosen, links)?.into_iter();
+    records(rows.map(|row| (row, String::new())), links)
+}
+
+/// Rows with their places as records, with times that count from the first; the last record is the end.
+fn records(
+    rows: impl IntoIterator<Item = (Row, String)>,
+    links: usize,
+) -> anyhow::Result<Vec<Record>> {
+    let attach = |link| Record::Attach {
+        t: 0,
+        port: PortRecord(0, link),
+    };
+    let mut records: Vec<Record> = (0..links).map(attach).collect();
+    let (mut begin, mut last) = (None, 0);
+    for (row, place) in rows {
         let at = row.at - *begin.get_or_insert(row.at) + 1_000_000;
         let t = u64::try_from(at).ok().filter(|t| *t >= last);
-        let t = t.ok_or_else(|| anyhow!("line {}: time goes back", number + 1))?;
-        if records.is_empty() {
-            records.extend((0..links).map(|link| Record::Attach {
-                t: 0,
-                port: PortRecord(0, link),
-            }));
-        }
+        let t = t.with_context(|| format!("{place}: time goes back"))?;
         last = t;
         let port = PortRecord(0, row.link);
         records.extend(row.bytes.chunks(MOST_BYTES).map(|bytes| {
@@ -42,11 +70,6 @@ pub(super) fn read(text: &str, links: usize) -> anyhow::Result<Vec<Record>> {
                 },
             }
         }));
-    }
-    if records.is_empty() {
-        return Err(anyhow!(
-            "it has no lines; each is `seconds,direction,bytes`"
-        ));
     }
     records.push(end(last));
     Ok(records)

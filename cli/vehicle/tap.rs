@@ -23,6 +23,7 @@ use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::log::{Log, LogFormat, LogOptions, Words};
 use crate::print::complain;
+use crate::patient_file::PatientFile;
 use crate::recording::TraceFile;
 use crate::visible;
 
@@ -54,12 +55,17 @@ rigsim_core::codes! {
 /// The `tap` subcommand: records until a signal ends it, or reads a capture.
 pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
     let settings = config::load(devices, &args.settings)?;
-    if let Some(path) = &args.csv {
+    if let Some(path) = args.csv.as_ref().or(args.pcap.as_ref()) {
         let most = devices.iter().find(|device| device.id == args.device);
         let most = most.map_or(1, |device| device.links.len());
         let plan = plan_of(devices, &args.device, most, settings)?;
-        let text = config::read(path, "capture")?;
-        let records = capture::read(&text, most)
+        let records = match args.pcap {
+            None => capture::of_text(&config::read(path, "capture")?, most),
+            Some(_) => PatientFile::open(path)
+                .map_err(Into::into)
+                .and_then(|file| capture::of_usb(file, &args.usb, most)),
+        };
+        let records = records
             .with_context(|| format!("cannot read the capture {}", visible::name(path)))
             .map_err(Failure::usage)?;
         let mut trace = TraceFile::create(args.trace.clone()).map_err(Failure::usage)?;

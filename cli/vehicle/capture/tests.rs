@@ -4,7 +4,7 @@ use super::*;
 fn times_count_from_the_first_line_and_keep_their_nanoseconds() {
     let text = "seconds,direction,bytes\n# a comment\n1700000000.000000001,client,AA 55\n\n\
                 1700000000.5,vehicle:1,0102\n";
-    let records = read(text, 2).unwrap();
+    let records = of_text(text, 2).unwrap();
     assert!(matches!(
         records[0],
         Record::Attach {
@@ -58,7 +58,7 @@ fn an_error_names_its_line_and_what_is_allowed() {
         ("1.-5,client,AA", "line 1: `1.-5` is no time in seconds"),
         ("", "it has no lines; each is `seconds,direction,bytes`"),
     ] {
-        let error = read(text, 1).unwrap_err();
+        let error = of_text(text, 1).unwrap_err();
         assert_eq!(format!("{error:#}"), why);
     }
 }
