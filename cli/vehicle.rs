@@ -2,6 +2,7 @@
 
 mod capture;
 mod compare;
+mod guide;
 mod knob;
 mod model;
 mod page;

@@ -54,6 +54,10 @@ pub(crate) struct TapArgs {
     pub(crate) device: String,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
+    /// Guide through the drive of `sim fit --plan`: print which manoeuvre is next, and which the client has
+    /// performed. The client sends them, as docs/examples/identify.py does.
+    #[arg(long, conflicts_with_all = ["csv", "pcap"])]
+    pub(crate) plan: bool,
     /// Print every request and reply, in words and hex.
     #[arg(short, long)]
     pub(crate) verbose: bool,

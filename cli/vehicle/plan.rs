@@ -128,15 +128,23 @@ fn list<'v, 't>(
     all.into_iter().flatten()
 }
 
-/// The whole drive, for people or as JSON.
-pub(super) fn show(devices: Devices, kind: &str, as_json: bool) -> Result<String, Failure> {
-    let settings = SimSettings::new(devices);
-    let device = devices.iter().find(|device| device.id == kind);
+/// The whole drive for a device with these settings.
+pub(super) fn of_device(
+    device: Option<&DeviceSpec>,
+    kind: &str,
+    settings: &SimSettings,
+) -> Result<Vec<Manoeuvre>, Failure> {
     let own = device.and_then(|device| Some((device, settings.of_device(device)?)));
     let all = own.map(|(device, own)| manoeuvres(device, own)).transpose();
     let all = all.map_err(|why| Failure::system(anyhow!("the plan of {kind}: {why}")))?;
     let all = all.filter(|all| !all.is_empty());
-    let all = all.ok_or_else(|| Failure::usage(anyhow!("there is no plan for {kind} yet")))?;
+    all.ok_or_else(|| Failure::usage(anyhow!("there is no plan for {kind} yet")))
+}
+
+/// The whole drive, for people or as JSON.
+pub(super) fn show(devices: Devices, kind: &str, as_json: bool) -> Result<String, Failure> {
+    let device = devices.iter().copied().find(|device| device.id == kind);
+    let all = of_device(device, kind, &SimSettings::new(devices))?;
     if as_json {
         return serde_json::to_string(&all).map_err(Failure::system);
     }

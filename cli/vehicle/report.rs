@@ -177,7 +177,7 @@ impl Report {
             let lag = row
                 .lag_ms
                 .map_or(String::new(), |lag| format!("{lag:.0} ms"));
-            let [low, high] = row.range;
+            let [low, high] = row.range.map(|end| (end * 1e4).round() / 1e4);
             let _ = writeln!(
                 text,
                 "{:34} {:>11.4} {:>12.4} {lag:>8}   {low} to {high} {}",

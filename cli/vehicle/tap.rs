@@ -17,13 +17,14 @@ use rigsim_pty::{Event as PortEvent, Port, PortError, PtySetup, Waiter};
 use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 use serde_json::json;
 
-use super::{capture, end, header, plan_of};
+use super::guide::Guide;
+use super::{capture, end, header, plan, plan_of};
 use crate::args::TapArgs;
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::log::{Log, LogFormat, LogOptions, Words};
-use crate::print::complain;
 use crate::patient_file::PatientFile;
+use crate::print::complain;
 use crate::recording::TraceFile;
 use crate::visible;
 
@@ -78,6 +79,14 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
         return Err(Failure::usage(why));
     }
     let plan = plan_of(devices, &args.device, args.vehicle.len(), settings)?;
+    let guide = match args.plan {
+        true => {
+            let device = Some(plan.devices[0].device);
+            let all = plan::of_device(device, &args.device, &plan.settings)?;
+            Some(Guide::new(&all, args.vehicle.len()))
+        }
+        false => None,
+    };
     let mut waiter = Waiter::new().map_err(Failure::system)?;
     waiter.catch_signals().map_err(Failure::system)?;
     let mut links = Vec::new();
@@ -114,11 +123,15 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
         LogFormat::Text => format!("  between {} and the vehicle\nready", ports.join(", ")),
         LogFormat::Json => visible::json(&json!({"code": "ready", "ports": ports})),
     });
-    let out = Out {
+    let mut out = Out {
         log,
         trace,
         start: Instant::now(),
+        guide,
     };
+    if let Some((code, text)) = out.guide.as_ref().and_then(Guide::next) {
+        out.vehicle(code, text);
+    }
     pass(waiter, links, out)
 }
 
@@ -161,13 +174,19 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
     let [to_vehicle, to_client] =
         [0, 1].map(|way| links.iter().map(|link| link.passed[way]).sum::<u64>());
     drop(links);
+    let missing = out.guide.as_ref().map(Guide::missing);
     let last = match out.log.options.format {
         LogFormat::Text => {
-            format!("{to_vehicle} bytes to the vehicle, {to_client} bytes from it")
+            let of_plan = match missing.as_deref() {
+                None => String::new(),
+                Some([]) => "\nthe plan is complete".to_owned(),
+                Some(missing) => format!("\nmissing of the plan: {}", missing.join("; ")),
+            };
+            format!("{to_vehicle} bytes to the vehicle, {to_client} bytes from it{of_plan}")
         }
-        LogFormat::Json => visible::json(
-            &json!({"code": "summary", "to_vehicle": to_vehicle, "from_vehicle": to_client}),
-        ),
+        LogFormat::Json => visible::json(&json!({
+            "code": "summary", "to_vehicle": to_vehicle, "from_vehicle": to_client, "missing": missing,
+        })),
     };
     out.log.finish(Some(last), |_| false);
     out.trace.finish().map(|_| Exit::Clean)
@@ -178,6 +197,8 @@ struct Out {
     log: Log,
     trace: TraceFile,
     start: Instant,
+    /// Set if the client performs the plan.
+    guide: Option<Guide>,
 }
 
 impl Out {
@@ -206,7 +227,16 @@ impl Out {
         });
     }
 
-    /// Something happened to the vehicle itself.
+    /// The client has sent this.
+    fn guide(&mut self, link: usize, t: u64, bytes: &[u8]) {
+        let guide = self.guide.as_mut();
+        let said = guide.map(|guide| guide.client_sent(link, t, bytes));
+        for (code, text) in said.into_iter().flatten() {
+            self.vehicle(code, text);
+        }
+    }
+
+    /// Something happened to the vehicle itself, or to the plan.
     fn vehicle(&mut self, code: Code, text: String) {
         let t = self.now();
         self.trace.record(&Record::Event {
@@ -340,6 +370,7 @@ impl Link {
                     self.write_vehicle()?;
                     self.passed[0] += n as u64;
                     self.record(out, t, Sender::Client, &buf[..n]);
+                    out.guide(self.index, t, &buf[..n]);
                 }
                 PortEvent::Detached => {
                     self.waiting[1].clear();

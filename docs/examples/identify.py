@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Drive a vehicle so that a recording tells as many of its settings as possible.
 
-    sim tap /dev/ttyUSB0 --pty /tmp/r150 --trace drive.jsonl     # in another terminal
+    sim tap /dev/ttyUSB0 --pty /tmp/r150 --trace drive.jsonl --plan     # in another terminal
     python3 docs/examples/identify.py /tmp/r150
 
-Needs `pip install pyserial`, and `sim` on the path: `sim fit --plan` has the manoeuvres. Read
-docs/vehicle.md first, raise the vehicle, and have the emergency stop in your hand. Ctrl-C stops
-the motors and ends it. `--only NAME` performs the manoeuvres whose name contains NAME, `--yes` asks nothing.
+For a car: `--device mecanum /tmp/car`, with the second link behind it if there is one. Needs
+`pip install pyserial`, and `sim` on the path: `sim fit --plan` has the manoeuvres. Read docs/vehicle.md
+first, raise the vehicle, and have the emergency stop in your hand. Ctrl-C stops the motors and ends it.
+`--only NAME` performs the manoeuvres whose name contains NAME, `--yes` asks nothing.
 """
 import argparse
 import json
@@ -39,11 +40,18 @@ def perform(ports, manoeuvre):
     return heard
 
 
-def stop(ports):
+STANDSTILL = b"\x12\x00\x00\x00\x00"
+# The speeds of the links, and what stops the vehicle.
+DEVICES = {
+    "r150": ([115200], b"\xAA\x55\x04" + STANDSTILL + crc16(STANDSTILL)),
+    "mecanum": ([115200, 9600], b"\x00\x09\x00\x01\x00\x00\x00\x00\x00"),
+}
+
+
+def stop(ports, frame):
     """Asks for standstill, many times."""
-    body = b"\x12\x00\x00\x00\x00"
     for _ in range(20):
-        ports[0].write(b"\xAA\x55\x04" + body + crc16(body))
+        ports[0].write(frame)
         time.sleep(0.06)
         for port in ports:
             port.read(4096)
@@ -52,6 +60,7 @@ def stop(ports):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("port", nargs="*", default=[os.environ.get("SIM_R150_PORT")])
+    parser.add_argument("--device", choices=DEVICES, default="r150")
     parser.add_argument("--only", default="", metavar="NAME")
     parser.add_argument("--yes", action="store_true")
     parser.add_argument("--plan", help="a file with the output of `sim fit --plan --json`")
@@ -62,13 +71,19 @@ def main():
         with open(args.plan) as file:
             plan = json.load(file)
     else:
-        plan = json.loads(subprocess.check_output(["sim", "fit", "--plan", "--json"]))
+        command = ["sim", "fit", "--plan", "--json", "--device", args.device]
+        plan = json.loads(subprocess.check_output(command))
+    speeds, standstill = DEVICES[args.device]
+    able = [one for one in plan if all(frame["link"] < len(args.port) for frame in one["frames"])]
     try:
-        ports = [serial.Serial(path, 115200, timeout=0, write_timeout=1) for path in args.port]
+        ports = [
+            serial.Serial(path, speed, timeout=0, write_timeout=1)
+            for path, speed in zip(args.port, speeds)
+        ]
     except serial.SerialException as error:
         raise SystemExit(error) from None
     try:
-        for manoeuvre in (one for one in plan if args.only in one["name"]):
+        for manoeuvre in (one for one in able if args.only in one["name"]):
             seconds = sum(frame["wait_ms"] for frame in manoeuvre["frames"]) / 1e3
             print(f"{manoeuvre['name']}, {seconds:.0f} s. {manoeuvre['care']}", flush=True)
             if not args.yes:
@@ -78,7 +93,7 @@ def main():
     except KeyboardInterrupt:
         print("stopped")
     finally:
-        stop(ports)
+        stop(ports, standstill)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ pub(super) const HOST: HostSpec = HostSpec {
         };
         frames(form, (&MECANUM_SPEC, link), sender, is_big)
     },
-    plan: "",
+    plan: include_str!("identify.toml"),
     chatters: true,
 };
 
