@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::recording::{Channel, Recording, Reply, Seen, Slot, channels, middle};
 
-/// Cost of a reply that is there on one side only, and of a bit that differs.
+/// Cost of a bit that differs, and of each value of a reply that is there on one side only.
 pub(super) const DIFFERENT: f64 = 36.0;
-/// Deviation from which on the cost grows only linearly, in standard deviations.
+/// Deviation from which on the cost grows more slowly, in standard deviations.
 const HUBER: f64 = 3.0;
 /// Deviation that is no chance, in standard deviations.
 const FAR: f64 = 30.0;
@@ -48,10 +48,20 @@ impl Layout {
     }
 }
 
-/// What all slots have by these plays.
-pub(super) fn cells(plays: &[&Seen], recording: &Recording, layout: &Layout) -> Vec<Cell> {
+/// What all slots have by these plays, and by one without noise.
+pub(super) fn cells(
+    plays: &[&Seen],
+    quiet: &Seen,
+    recording: &Recording,
+    layout: &Layout,
+) -> Vec<Cell> {
     let slots = recording.slots.iter().enumerate();
     let mut cells: Vec<Cell> = slots.map(|(at, _)| cell(plays, at, layout)).collect();
+    for (cell, quiet) in cells.iter_mut().zip(quiet) {
+        if let Some(quiet) = quiet.as_ref().filter(|quiet| Some(quiet.form) == cell.form) {
+            cell.mean[1..].copy_from_slice(&quiet.values[1..]);
+        }
+    }
     // Of a channel as a whole.
     let mut spreads: BTreeMap<_, Vec<Vec<f64>>> = BTreeMap::new();
     for cell in &cells {
@@ -63,7 +73,7 @@ pub(super) fn cells(plays: &[&Seen], recording: &Recording, layout: &Layout) -> 
     }
     let usual: BTreeMap<_, Vec<f64>> = spreads
         .into_iter()
-        .map(|(form, all)| (form, all.iter().map(|all| middle(all).0).collect()))
+        .map(|(form, all)| (form, all.iter().map(|all| usual(all)).collect()))
         .collect();
     let jitter = jitter(recording, &cells);
     let plain: Vec<(u64, Vec<f64>)> = cells
@@ -91,59 +101,60 @@ pub(super) fn cells(plays: &[&Seen], recording: &Recording, layout: &Layout) -> 
                 let span = (plain[at].0 - plain[before].0) as f64 / 1e6;
                 (plain[at].1[channel] - plain[before].1[channel]).abs() / span.max(1.0)
             });
-            let sd = cells[at].sd[channel].max(*usual);
-            let more = 1.0 + 1.0 / plays.len() as f64;
+            // Of so few plays, one reply has about that of all.
+            let sd = cells[at].sd[channel];
+            let sd = if sd > 2.5 * usual { sd } else { *usual };
+            // The mean is a whole number on the wire, or that of the plays.
+            let round = f64::from(channel > 0) / 12.0;
             let late = recording.slots[at].late;
             let jitter = match channel {
                 0 => jitter,
                 _ => (jitter + late) * slope,
             };
-            cells[at].sd[channel] =
-                (sd * sd * more + 1.0 / 12.0 * f64::from(channel > 0) + jitter * jitter + 1e-6)
-                    .sqrt();
+            cells[at].sd[channel] = (sd * sd + round + jitter * jitter + 1e-6).sqrt();
         }
     }
-    add_noise(&mut cells, recording);
+    // A vehicle that is played is as noisy as the model.
+    if recording.is_real {
+        add_noise(&mut cells, recording);
+    }
     cells
 }
 
-/// Widens the scatter of channels that is wider in the recording, from one reply to the next, than in the
-/// model: that is noise of the vehicle's, and no setting should be found in it.
+/// The standard deviation that most replies have where they scatter, from those of a few plays each.
+fn usual(all: &[f64]) -> f64 {
+    let scatter: Vec<f64> = all.iter().copied().filter(|sd| *sd > 0.0).collect();
+    middle(&scatter).0 / 0.93
+}
+
+/// Widens the scatter of channels that is wider in the recording than in the model: that is noise of the
+/// vehicle's. It is how far a reply is off the middle of its neighbours, whatever the model does.
 fn add_noise(cells: &mut [Cell], recording: &Recording) {
-    let mut rests: BTreeMap<_, Vec<Vec<f64>>> = BTreeMap::new();
+    let mut values: BTreeMap<_, Vec<Vec<f64>>> = BTreeMap::new();
     for (cell, seen) in cells.iter().zip(&recording.seen) {
         let Some(seen) = seen.as_ref().filter(|seen| Some(seen.form) == cell.form) else {
             continue;
         };
-        let of_form = rests
+        let of_form = values
             .entry(cell.form)
             .or_insert_with(|| vec![Vec::new(); cell.sd.len()]);
-        for ((rests, sd), (seen, mean)) in of_form
-            .iter_mut()
-            .zip(&cell.sd)
-            .zip(seen.values.iter().zip(&cell.mean))
-        {
-            rests.push((seen - mean) / sd);
+        for ((values, sd), seen) in of_form.iter_mut().zip(&cell.sd).zip(&seen.values) {
+            values.push(seen / sd);
         }
     }
-    let widen = |rests: &Vec<f64>| {
-        let jumps: Vec<f64> = rests
-            .windows(2)
-            .map(|two| (two[1] - two[0]).abs())
-            .collect();
-        // The median of what is normal, and two of them.
-        (middle(&jumps).0 / (0.6745 * std::f64::consts::SQRT_2)).max(1.0)
+    let widen = |values: &Vec<f64>| {
+        let bends = values.windows(3);
+        let bends: Vec<f64> = bends.map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()).collect();
+        // The median of what is normal, and the spread of such a sum.
+        (middle(&bends).0 / (0.6745 * 6.0_f64.sqrt())).max(1.0)
     };
-    let factors: BTreeMap<_, Vec<f64>> = rests
+    let factors: BTreeMap<_, Vec<f64>> = values
         .iter()
         .map(|(form, all)| (*form, all.iter().map(widen).collect()))
         .collect();
     for cell in cells {
-        for (sd, factor) in cell
-            .sd
-            .iter_mut()
-            .zip(factors.get(&cell.form).into_iter().flatten())
-        {
+        let factors = factors.get(&cell.form).into_iter().flatten();
+        for (sd, factor) in cell.sd.iter_mut().zip(factors) {
             if factor.is_finite() {
                 *sd *= factor;
             }
@@ -271,13 +282,16 @@ impl Cell {
         }
     }
 
-    /// How badly a reply fits it.
+    /// How badly a reply fits it. What is far off costs little more than what is twice as far, but more: a
+    /// change that leaves it half as far off shows.
     pub(super) fn cost(&self, seen: Option<&Reply>, layout: &Layout, is_real: bool) -> f64 {
+        let absent = |values: &[f64]| DIFFERENT * (1.0 + values.len() as f64);
         match (seen, self.answers) {
             (None, Some(false) | None) => 0.0,
-            (None, _) | (Some(_), Some(false)) => DIFFERENT,
+            (None, _) => absent(&self.mean),
+            (Some(seen), Some(false)) => absent(&seen.values),
             (Some(seen), answers) if Some(seen.form) != self.form => {
-                answers.map_or(0.0, |_| DIFFERENT)
+                answers.map_or(0.0, |_| absent(&seen.values))
             }
             (Some(seen), _) => {
                 let channels = layout.channels(seen).iter().enumerate();
@@ -291,18 +305,19 @@ impl Cell {
                             0.0
                         });
                     }
-                    let z = significant(rest, channel, is_real) / sd;
-                    Some(if z <= HUBER {
-                        z * z
-                    } else {
-                        HUBER * (2.0 * z - HUBER)
-                    })
+                    Some(cost(significant(rest, channel, is_real) / sd))
                 });
-                // However wrong its values are, they are better than no reply or one of another form.
-                let cost: f64 = each.sum();
-                DIFFERENT * cost / (DIFFERENT + cost)
+                each.sum()
             }
         }
+    }
+}
+
+/// Cost of a deviation, which is in standard deviations.
+pub(super) fn cost(z: f64) -> f64 {
+    match z.abs() {
+        z if z <= HUBER => z * z,
+        z => HUBER * HUBER * (1.0 + 2.0 * (z / HUBER).ln()),
     }
 }
 
@@ -316,11 +331,7 @@ pub(super) fn significant(rest: f64, channel: usize, is_real: bool) -> f64 {
 
 /// Weight of a deviation, which is in standard deviations.
 pub(super) fn weight(z: f64) -> f64 {
-    if z.abs() <= HUBER {
-        1.0
-    } else {
-        HUBER / z.abs()
-    }
+    (HUBER / z.abs().max(HUBER)).powi(2)
 }
 
 /// Returns whether a slot takes part.

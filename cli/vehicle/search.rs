@@ -15,35 +15,42 @@ use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 
 use super::knob::Knob;
-use super::model::{Cell, Layout, cells, significant, takes_part, weight};
+use super::model::{Cell, DIFFERENT, Layout, cells, cost, significant, takes_part, weight};
 use super::recording::{Recording, Reply, Seen};
 
 /// Plays by different chance from which it is known how much the model scatters.
 const SEEDS: u64 = 6;
 /// Cost that a change has to save at least.
 const MARGIN: f64 = 40.0;
-/// How many times more than by chance a change has to save.
-const BEYOND_CHANCE: f64 = 3.0;
 /// Most settings that are found.
 const MOST_FOUND: usize = 16;
 /// Square of the least change that shows, in standard deviations.
 const TOUCHED: f64 = 25.0;
 /// Most changes that are tried although they do not keep what they promise.
 const MOST_REFUSED: usize = 30;
-/// Changes that are tried at a time, and the least that one promises beside the best of them.
-const AT_A_TIME: usize = 3;
-const NEAR_BEST: f64 = 0.5;
+/// Values of a number that are tried at a time, in steps of the trial.
+const LADDER: [f64; 14] = [
+    -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0,
+];
+/// Most times that settings are searched and all numbers improved, and most steps of an improvement.
+const ROUNDS: usize = 5;
+const MOST_STEPS: usize = 12;
+/// What holds a number that does nothing, as if it was known to about two of its steps.
+const HELD: f64 = 0.25;
 /// Changes of a number that are tried, in its steps: by 20 %, to three times and to 0.3 times its value.
 const STEPS: [f64; 4] = [1.0, -1.0, 10.0, -3.5];
 /// Share of a recording that has to take part before it contradicts what is documented.
 pub(super) const ENOUGH: f64 = 0.5;
-/// Quantile of Student's t for 99 % and 5 degrees of freedom.
-const T99: f64 = 4.03;
+/// Half of an interval of 99 %, in standard deviations, with what the plays of the model scatter.
+const WIDE: f64 = 3.0;
 /// Cost above the least, within which the values of a number are as good: 99 % of a chi-square with one degree
 /// of freedom.
 const AS_GOOD: f64 = 6.63;
-/// Likeness of two changes from which on they are not distinguished.
-pub(super) const ALIKE: f64 = 0.95;
+/// Share of what a setting saves that another has to promise before it is tried instead, and how many are.
+const AS_MUCH: f64 = 0.3;
+const MOST_INSTEAD: usize = 4;
+/// How many standard deviations of chance may be left of what a setting changes.
+const LEFT: f64 = 4.0;
 
 /// What was answered, by recording and slot.
 type Play = Arc<Vec<Seen>>;
@@ -53,6 +60,8 @@ pub(super) struct Search<'a> {
     pub(super) recordings: &'a [Recording],
     pub(super) base: SimSettings,
     pub(super) knobs: Vec<Knob>,
+    /// Settings without which replies are what they are by mean.
+    noise: Vec<Knob>,
     /// The vehicle's answers.
     vehicle: Vec<Seen>,
     progress: ProgressBar,
@@ -64,6 +73,8 @@ pub(super) struct Model {
     pub(super) settings: SimSettings,
     /// By seed.
     members: Vec<Play>,
+    /// Without noise, so that what a change does is seen and no chance.
+    quiet: Play,
     pub(super) cells: Vec<Vec<Cell>>,
     pub(super) layout: Layout,
 }
@@ -89,6 +100,8 @@ pub(super) struct Found {
     pub(super) number: Option<(f64, [Option<f64>; 2])>,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
+    /// What is left of all that it changes beyond chance, and the most that may be.
+    left: [f64; 2],
     /// Recording and slot that show it best.
     pub(super) shown_by: (usize, usize),
 }
@@ -133,9 +146,13 @@ impl Model {
 impl<'a> Search<'a> {
     /// Prepares to search among the settings that begin so, and from these.
     pub(super) fn new(recordings: &'a [Recording], base: SimSettings, only: &[String]) -> Self {
+        let id = recordings[0].device.id;
+        let mut noise = Knob::all(&base, id, &[]);
+        noise.retain(|knob| knob.key.contains("noise"));
         Self {
             recordings,
-            knobs: Knob::all(&base, recordings[0].device.id, only),
+            knobs: Knob::all(&base, id, only),
+            noise,
             base,
             vehicle: recordings.iter().map(|one| one.seen.clone()).collect(),
             progress: match std::io::stderr().is_terminal() {
@@ -145,58 +162,20 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Searches until nothing is left that one more setting explains.
+    /// Searches until nothing is left that one more setting explains, nor all numbers together.
     pub(super) fn run(&self) -> Result<Findings, String> {
         let assumed = self.model(&self.base)?;
-        let mut model = assumed.clone();
-        let mut trials = self.trials(&model)?;
-        let mut found: Vec<Found> = Vec::new();
-        let mut refused = BTreeSet::new();
-        let mut fresh = true;
-        while found.len() < MOST_FOUND && refused.len() < MOST_REFUSED {
-            let best = self.best(&model, &trials, &refused, &found);
-            if best.is_empty() {
-                if fresh {
-                    break;
-                }
-                // Changes may do something else now.
-                drop(std::mem::take(&mut trials));
-                trials = self.trials(&model)?;
-                fresh = true;
-                continue;
-            };
-            // What a step of a number promises is not what the number does at its best.
-            let before = self.cost(&model, false);
-            let mut next: Option<(f64, usize, Model)> = None;
-            for (promised, part, trial) in best {
-                let tried = self.with(&model, trial, part)?;
-                let saved = tried
-                    .as_ref()
-                    .map_or(0.0, |tried| before - self.cost(tried, false));
-                match tried {
-                    Some(tried) if saved > self.margin().max(promised / 5.0) => {
-                        if next.as_ref().is_none_or(|next| saved > next.0) {
-                            next = Some((saved, trial.knob, tried));
-                        }
-                    }
-                    _ => drop(refused.insert((trial.knob, trial.literal.clone()))),
-                }
+        let (mut model, mut trials) = (assumed.clone(), Vec::new());
+        for _ in 0..ROUNDS {
+            drop(std::mem::take(&mut trials));
+            trials = self.trials(&model)?;
+            let next = self.join(self.grow(&model, &trials)?, &trials)?;
+            if self.price(&next) > self.price(&model) - 1.0 {
+                break;
             }
-            let Some((_, knob, next)) = next else {
-                continue;
-            };
-            found.retain(|one| one.knob != knob);
-            found.push(Found {
-                knob,
-                literal: String::new(),
-                number: None,
-                or: Vec::new(),
-                shown_by: self.shows(&model, &next),
-            });
-            model = self.polish(next, &self.numbers(&found))?;
-            fresh = false;
+            model = next;
         }
-        self.prune(&mut model, &mut found, &trials)?;
+        let mut found = self.prune(&mut model, &trials)?;
         self.measure(&model, &mut found)?;
         let mut verdicts = self.verdicts(&model, &found, &trials);
         let mut written = self.base.clone();
@@ -226,6 +205,99 @@ impl<'a> Search<'a> {
             written,
             held_out: [before + 0.0, after + 0.0],
         })
+    }
+
+    /// Adds setting by setting what these trials promise.
+    fn grow(&self, model: &Model, trials: &[Trial]) -> Result<Model, String> {
+        let mut model = model.clone();
+        let mut refused = BTreeSet::new();
+        while refused.len() < MOST_REFUSED
+            && self.changed(&model.settings).len() < MOST_FOUND
+            && let Some((promised, part, trial)) = self.best(&model, trials, &refused)
+        {
+            // What a step of a number promises is not what the number does at its best.
+            let tried = self.with(&model, trial, part)?;
+            let least = self.margin().max(promised / 5.0);
+            let Some(next) = tried.filter(|tried| self.gain(&model, tried) > least) else {
+                refused.insert((trial.knob, trial.literal.clone()));
+                continue;
+            };
+            let numbers = self.numbers(&next.settings);
+            model = self.polish(next, &numbers)?;
+        }
+        Ok(model)
+    }
+
+    /// Frees all numbers that do something, and takes back one by one what the others explain as well.
+    fn join(&self, model: Model, trials: &[Trial]) -> Result<Model, String> {
+        let mut numbers: Vec<usize> = trials
+            .iter()
+            .filter(|trial| trial.touches && trial.step.is_some())
+            .map(|trial| trial.knob)
+            .chain(self.numbers(&model.settings))
+            .collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        let joint = self.polish(model.clone(), &numbers)?;
+        let (matrix, steps) = self.jacobian(&joint, &numbers)?;
+        let (_, weights) = self.rest(&joint, &self.vehicle);
+        let Some(mut covariance) = Self::normal(&matrix, &weights, 0.0).try_inverse() else {
+            return Ok(model);
+        };
+        let away = numbers.iter().zip(&steps).map(|(at, step)| {
+            let knob = &self.knobs[*at];
+            (knob.number_in(&joint.settings) - knob.number_in(&self.base)) / step
+        });
+        let mut away = DVector::from_iterator(numbers.len(), away);
+        let mut free: BTreeSet<usize> = (0..numbers.len()).collect();
+        // What a reset costs if all others that are free follow.
+        let costs = |away: &DVector<f64>, covariance: &DMatrix<f64>, at: usize| {
+            away[at].powi(2) / covariance[(at, at)].max(1e-12)
+        };
+        while let Some(least) = free.iter().copied().min_by(|one, other| {
+            costs(&away, &covariance, *one).total_cmp(&costs(&away, &covariance, *other))
+        }) {
+            if costs(&away, &covariance, least) > self.margin() && free.len() <= MOST_FOUND {
+                break;
+            }
+            free.remove(&least);
+            let column = covariance.column(least) / covariance[(least, least)].max(1e-12);
+            away -= &column * away[least];
+            covariance -= &column * covariance.row(least).clone_owned();
+        }
+        let mut settings = joint.settings.clone();
+        for (at, (number, step)) in numbers.iter().zip(&steps).enumerate() {
+            let knob = &self.knobs[*number];
+            let value = knob.number_in(&self.base) + away[at] * step;
+            let literal = match free.contains(&at) {
+                true => knob.literal(&settings, value),
+                false => knob.default_in(&settings),
+            };
+            settings = knob.set(&settings, &literal).unwrap_or(settings);
+        }
+        let numbers: Vec<usize> = free.iter().map(|at| numbers[*at]).collect();
+        let next = self.polish(self.moved(&joint, settings)?, &numbers)?;
+        Ok(match self.price(&next) < self.price(&model) {
+            true => next,
+            false => model,
+        })
+    }
+
+    /// Cost of a model, and of its settings.
+    fn price(&self, model: &Model) -> f64 {
+        self.cost(model, false) + self.margin() * self.changed(&model.settings).len() as f64
+    }
+
+    /// Settings that are another than at first.
+    fn changed(&self, settings: &SimSettings) -> Vec<usize> {
+        let differs = |at: &usize| {
+            let knob = &self.knobs[*at];
+            match knob.choices.is_empty() {
+                true => knob.number_in(settings) != knob.number_in(&self.base),
+                false => knob.literal_in(settings) != knob.literal_in(&self.base),
+            }
+        };
+        (0..self.knobs.len()).filter(differs).collect()
     }
 
     /// Share of the recordings that takes part.
@@ -264,22 +336,54 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    fn model(&self, settings: &SimSettings) -> Result<Model, String> {
-        let jobs: Vec<_> = (0..SEEDS).map(|seed| (settings, seed)).collect();
-        let members = self.play(&jobs, None)?;
+    pub(super) fn model(&self, settings: &SimSettings) -> Result<Model, String> {
+        let quiet = self.quiet(settings.clone());
+        let seeds = (0..SEEDS).map(|seed| (settings, seed));
+        let jobs: Vec<_> = std::iter::once((&quiet, 0)).chain(seeds).collect();
+        let mut members = self.play(&jobs, None)?;
+        let quiet = members.remove(0);
         let replies = members.iter().flat_map(|seen| &**seen).chain(&self.vehicle);
         let layout = Layout::of(replies.flatten().flatten());
         let recordings = self.recordings.iter().enumerate();
         let of_recording = |(at, recording)| {
             let plays: Vec<&Seen> = members.iter().map(|seen| &seen[at]).collect();
-            cells(&plays, recording, &layout)
+            cells(&plays, &quiet[at], recording, &layout)
         };
         Ok(Model {
             cells: recordings.map(of_recording).collect(),
             settings: settings.clone(),
             members,
+            quiet,
             layout,
         })
+    }
+
+    /// The model with other settings that scatters as before, by one play.
+    fn moved(&self, model: &Model, settings: SimSettings) -> Result<Model, String> {
+        let quiet = self.quiet(settings.clone());
+        let played = self.play(&[(&quiet, 0)], Some(&model.quiet))?;
+        let to = played.into_iter().next().ok_or("nothing was played")?;
+        let mut cells = model.cells.clone();
+        let replies = cells.iter_mut().zip(&**model.quiet).zip(&**to);
+        for ((cells, from), to) in replies {
+            for ((cell, from), to) in cells.iter_mut().zip(from).zip(to) {
+                *cell = cell.shifted(from.as_ref(), to.as_ref(), 1.0, &model.layout);
+            }
+        }
+        Ok(Model {
+            settings,
+            cells,
+            quiet: to,
+            ..model.clone()
+        })
+    }
+
+    /// The settings without noise.
+    fn quiet(&self, mut settings: SimSettings) -> SimSettings {
+        for knob in &self.noise {
+            settings = (knob.set(&settings, &knob.literal(&settings, 0.0))).unwrap_or(settings);
+        }
+        settings
     }
 
     /// Cost that a change has to save; more where a machine may have spoiled some replies.
@@ -306,49 +410,25 @@ impl<'a> Search<'a> {
             let now = about.literal_in(&model.settings);
             for (literal, step) in values.into_iter().filter(|(literal, _)| *literal != now) {
                 if let Some(settings) = about.set(&model.settings, &literal) {
-                    planned.push((knob, literal, step, settings));
+                    planned.push((knob, literal, step, self.quiet(settings)));
                 }
             }
         }
         let jobs: Vec<_> = planned.iter().map(|(.., settings)| (settings, 0)).collect();
-        let played = self.play(&jobs, Some(&model.members[0]))?;
-        let touches = self.touched(model, &jobs, &played)?;
-        let trials = planned.iter().zip(played).zip(touches);
-        let trial =
-            |(((knob, literal, step, _), to), touches): ((&(_, String, _, _), _), _)| Trial {
-                knob: *knob,
-                literal: literal.clone(),
-                step: *step,
-                from: Arc::clone(&model.members[0]),
+        let played = self.play(&jobs, Some(&model.quiet))?;
+        let trial = |((knob, literal, step, _), to): ((usize, String, _, _), Play)| {
+            let column = self.column(model, &model.quiet, &to);
+            Trial {
+                knob,
+                literal,
+                step,
+                from: Arc::clone(&model.quiet),
+                touches: self.differs(model, &model.quiet, &to)
+                    || product(&column, &column) > TOUCHED,
                 to,
-                touches,
-            };
-        Ok(trials.map(trial).collect())
-    }
-
-    /// Returns of each change whether it does more than chance.
-    fn touched(
-        &self,
-        model: &Model,
-        jobs: &[(&SimSettings, u64)],
-        played: &[Play],
-    ) -> Result<Vec<bool>, String> {
-        let [first, second] = [&model.members[0], &model.members[1]];
-        let columns = played.iter().map(|seen| self.column(model, first, seen));
-        let columns: Vec<Vec<f64>> = columns.collect();
-        let touches = played.iter().map(|seen| self.differs(model, first, seen));
-        let mut touches: Vec<bool> = touches.collect();
-        let doubtful = (0..jobs.len())
-            .filter(|at| !touches[*at] && product(&columns[*at], &columns[*at]) > TOUCHED);
-        let doubtful: Vec<usize> = doubtful.collect();
-        // By another chance a real change is the same.
-        let again: Vec<_> = doubtful.iter().map(|at| (jobs[*at].0, 1)).collect();
-        for (at, seen) in doubtful.iter().zip(self.play(&again, Some(second))?) {
-            let count = columns[*at].iter().filter(|change| **change != 0.0).count() as f64;
-            let same = product(&columns[*at], &self.column(model, second, &seen));
-            touches[*at] = same > TOUCHED + 4.0 * count.sqrt();
-        }
-        Ok(touches)
+            }
+        };
+        Ok(planned.into_iter().zip(played).map(trial).collect())
     }
 
     /// Calls with every slot that takes part: recording, slot.
@@ -410,50 +490,34 @@ impl<'a> Search<'a> {
         costs.sum()
     }
 
-    /// The trials that save most beyond chance, each of another setting: what they save, by which part of
-    /// their change.
+    /// The trial that saves most, behind what it saves, and by which part of its change.
     fn best<'t>(
         &self,
         model: &Model,
         trials: &'t [Trial],
         refused: &BTreeSet<(usize, String)>,
-        found: &[Found],
-    ) -> Vec<(f64, f64, &'t Trial)> {
-        let mut best = Vec::new();
-        for trial in trials {
-            let known = found.iter().any(|one| one.knob == trial.knob);
-            if known && trial.step.is_some()
-                || refused.contains(&(trial.knob, trial.literal.clone()))
-            {
-                continue;
-            }
-            let (saves, part) = self.saves(model, trial, &self.vehicle);
-            if saves < self.margin() {
-                continue;
-            }
-            let by_chance = model.members.iter();
-            let by_chance = by_chance.map(|member| self.saves(model, trial, member).0);
-            if saves > self.margin() + BEYOND_CHANCE * by_chance.fold(0.0, f64::max) {
-                best.push((saves, part, trial));
-            }
-        }
-        best.sort_by(|one, other| other.0.total_cmp(&one.0));
-        let least = best.first().map_or(0.0, |best| NEAR_BEST * best.0);
-        let mut knobs = BTreeSet::new();
-        best.retain(|(saves, _, trial)| *saves > least && knobs.insert(trial.knob));
-        best.truncate(AT_A_TIME);
-        best
+    ) -> Option<(f64, f64, &'t Trial)> {
+        let known = self.numbers(&model.settings);
+        let is_open = |trial: &&Trial| {
+            !known.contains(&trial.knob) && !refused.contains(&(trial.knob, trial.literal.clone()))
+        };
+        let saves = |trial: &'t Trial| {
+            let (saves, part) = self.saves(model, trial);
+            (saves > self.margin()).then_some((saves, part, trial))
+        };
+        let open = trials.iter().filter(is_open).filter_map(saves);
+        open.max_by(|one, other| one.0.total_cmp(&other.0))
     }
 
-    /// Cost that a trial saves for these replies, and the part of its change that saves most.
-    fn saves(&self, model: &Model, trial: &Trial, seen: &[Seen]) -> (f64, f64) {
-        let saved = |part| self.saved(model, [&trial.from, &trial.to], part, seen);
+    /// Cost that a trial saves, and the part of its change that saves most.
+    fn saves(&self, model: &Model, trial: &Trial) -> (f64, f64) {
+        let saved = |part| self.saved(model, [&trial.from, &trial.to], part);
         let whole = (saved(1.0), 1.0);
         if trial.step.is_none() {
             return whole;
         }
         let column = self.column(model, &trial.from, &trial.to);
-        let rest = self.rest(model, seen);
+        let rest = self.rest(model, &self.vehicle);
         let (mut above, mut below) = (0.0, 0.0);
         for ((change, rest), weight) in column.iter().zip(&rest.0).zip(&rest.1) {
             above += change * rest * weight;
@@ -467,10 +531,10 @@ impl<'a> Search<'a> {
         if partly.0 > whole.0 { partly } else { whole }
     }
 
-    /// Cost that a part of the change from one play to another saves for these replies.
-    fn saved(&self, model: &Model, [from, to]: [&[Seen]; 2], part: f64, seen: &[Seen]) -> f64 {
+    /// Cost that a part of the change from one play to another saves.
+    fn saved(&self, model: &Model, [from, to]: [&[Seen]; 2], part: f64) -> f64 {
         let each = self.slots(false).map(|(at, slot)| {
-            let [from, to, seen] = [from, to, seen].map(|play| play[at][slot].as_ref());
+            let [from, to, seen] = [from, to, &self.vehicle].map(|play| play[at][slot].as_ref());
             let same = match (from, to) {
                 (Some(from), Some(to)) => from.form == to.form && from.values == to.values,
                 (None, None) => true,
@@ -484,7 +548,28 @@ impl<'a> Search<'a> {
             let cost = |cell: &Cell| cell.cost(seen, &model.layout, is_real);
             cost(cell) - cost(&changed)
         });
-        each.sum()
+        self.total(each)
+    }
+
+    /// The sum; of what a machine recorded without the greatest, which may be its fault.
+    fn total(&self, saved: impl Iterator<Item = f64>) -> f64 {
+        let (sum, most) = saved.fold((0.0, 0.0_f64), |(sum, most), saved| {
+            (sum + saved, most.max(saved))
+        });
+        let is_real = self.recordings.iter().any(|recording| recording.is_real);
+        if is_real { sum - most } else { sum }
+    }
+
+    /// Cost that one model saves beside another.
+    fn gain(&self, before: &Model, after: &Model) -> f64 {
+        self.total(self.slots(false).map(|at| self.saved_at(before, after, at)))
+    }
+
+    fn saved_at(&self, before: &Model, after: &Model, (at, slot): (usize, usize)) -> f64 {
+        let seen = self.vehicle[at][slot].as_ref();
+        let is_real = self.recordings[at].is_real;
+        let cost = |model: &Model| model.cells[at][slot].cost(seen, &model.layout, is_real);
+        cost(before) - cost(after)
     }
 
     /// What changes from one play to another, in standard deviations: a column of the Jacobian.
@@ -539,89 +624,57 @@ impl<'a> Search<'a> {
         let knob = &self.knobs[trial.knob];
         let Some(step) = trial.step else {
             let settings = knob.set(&model.settings, &trial.literal);
-            return settings.map(|settings| self.model(&settings)).transpose();
+            let moved = settings.map(|settings| self.moved(model, settings));
+            return moved.transpose();
         };
         let value = knob.number_in(&model.settings);
-        // Wide first, then around the best.
-        let mut values: Vec<f64> = (-8..=10)
-            .map(|at| value + f64::from(at) * step / 2.0)
-            .collect();
-        values.push(value + part * step);
-        let Some([_, _, mut best, ..]) = self.ladder(model, knob, &values)? else {
+        // Wide first, and the nearest of what is as good; then around that.
+        let wide = LADDER.iter().map(|at| at * step);
+        let wide = wide.chain([part * step]).map(|away| value + away);
+        let Some([low, high]) = as_good(&self.ladder(model, knob, wide)?) else {
             return Ok(None);
         };
-        let mut steps = vec![step.abs() / 12.0, knob.step / 12.0, knob.step / 72.0];
-        steps.dedup();
-        for step in steps {
-            let fine = (-6..=6).map(|at| best + f64::from(at) * step);
-            if let Some([_, low, _, high, _]) =
-                self.ladder(model, knob, &fine.collect::<Vec<_>>())?
-            {
-                best = (low + high) / 2.0;
-            }
-        }
+        let (near, step) = (value.clamp(low, high), step.abs().min(knob.step) / 12.0);
+        let fine = (-6..=6).map(|at| near + f64::from(at) * step);
+        let fine = as_good(&self.ladder(model, knob, fine)?);
+        let best = fine.map_or(near, |[low, high]| (low + high) / 2.0);
         let settings = knob.set(&model.settings, &knob.literal(&model.settings, best));
-        settings.map(|settings| self.model(&settings)).transpose()
+        let moved = settings.map(|settings| self.moved(model, settings));
+        moved.transpose()
     }
 
-    /// Of those of these values that are allowed: the least, the least that fits as well as the best, the
-    /// best, which is the nearest to the present one of equals, the greatest that fits as well, the greatest.
+    /// Of these values those that are allowed, from the least on, and what each saves.
     fn ladder(
         &self,
         model: &Model,
         knob: &Knob,
-        values: &[f64],
-    ) -> Result<Option<[f64; 5]>, String> {
-        let allowed = values.iter().filter_map(|value| {
-            let settings = knob.set(&model.settings, &knob.literal(&model.settings, *value))?;
-            Some((*value, settings))
+        values: impl Iterator<Item = f64>,
+    ) -> Result<Vec<(f64, f64)>, String> {
+        let allowed = values.filter_map(|value| {
+            let settings = knob.set(&model.settings, &knob.literal(&model.settings, value))?;
+            Some((value, self.quiet(settings)))
         });
-        let allowed: Vec<(f64, SimSettings)> = allowed.collect();
+        let mut allowed: Vec<(f64, SimSettings)> = allowed.collect();
+        allowed.sort_by(|one, other| one.0.total_cmp(&other.0));
         let jobs: Vec<_> = allowed.iter().map(|(_, settings)| (settings, 0)).collect();
-        let played = self.play(&jobs, Some(&model.members[0]))?;
-        let saved = |to: &Play| self.saved(model, [&model.members[0], to], 1.0, &self.vehicle);
-        let saved: Vec<f64> = played.iter().map(saved).collect();
-        let all = || {
-            allowed
-                .iter()
-                .map(|(value, _)| *value)
-                .zip(saved.iter().copied())
-        };
-        let now = knob.number_in(&model.settings);
-        let away = |value: f64| (value - now).abs();
-        let best = all().max_by(|one, other| {
-            let nearer = away(other.0).total_cmp(&away(one.0));
-            one.1.total_cmp(&other.1).then(nearer)
-        });
-        Ok(best.map(|(best, most)| {
-            all().fold([best; 5], |[first, low, _, high, last], (value, saved)| {
-                let good = if saved >= most - AS_GOOD { value } else { best };
-                [
-                    first.min(value),
-                    low.min(good),
-                    best,
-                    high.max(good),
-                    last.max(value),
-                ]
-            })
-        }))
+        let played = self.play(&jobs, Some(&model.quiet))?;
+        let saved = |to: &Play| self.saved(model, [&model.quiet, to], 1.0);
+        let values = allowed.iter().map(|(value, _)| *value);
+        Ok(values.zip(played.iter().map(saved)).collect())
     }
 
     /// The ends of what fits as well as the present value of a number; `None` where all that is beyond does.
     fn ends(&self, model: &Model, knob: &Knob) -> Result<[Option<f64>; 2], String> {
         let value = knob.number_in(&model.settings);
-        let at = |part: f64| value + part * knob.step / 8.0;
-        let mut values: Vec<f64> = (-12..=12).map(|part| at(f64::from(part))).collect();
-        let [_, low, _, high, _] = self.ladder(model, knob, &values)?.unwrap_or([value; 5]);
-        let leaves = [low <= at(-12.0), high >= at(12.0)];
-        if leaves == [false; 2] {
-            return Ok([Some(low), Some(high)]);
-        }
         let far = (1..=12).map(|power| 12.0 * 1.5_f64.powi(power));
-        values.extend(far.flat_map(|part| [at(-part), at(part)]));
-        let [first, low, _, high, last] = self.ladder(model, knob, &values)?.unwrap_or([value; 5]);
-        let is_open = [leaves[0] && low <= first, leaves[1] && high >= last];
-        Ok([(!is_open[0]).then_some(low), (!is_open[1]).then_some(high)])
+        let far = far.flat_map(|part| [-part, part]);
+        let parts = (-12..=12).map(f64::from).chain(far);
+        let ladder = parts.map(|part| value + part * knob.step / 8.0);
+        let ladder = self.ladder(model, knob, ladder)?;
+        let [low, high] = as_good(&ladder).unwrap_or([value; 2]);
+        let is_last = |end: f64, at: Option<&(f64, f64)>| at.is_some_and(|(last, _)| *last == end);
+        let low_end = (!is_last(low, ladder.first())).then_some(low);
+        Ok([low_end, (!is_last(high, ladder.last())).then_some(high)])
     }
 
     /// Columns of the numbers that were found: what a small change of each does.
@@ -632,19 +685,20 @@ impl<'a> Search<'a> {
     ) -> Result<(DMatrix<f64>, Vec<f64>), String> {
         let mut changed = Vec::new();
         for at in numbers {
-            let (knob, step) = (&self.knobs[*at], self.knobs[*at].step / 4.0);
+            // So far that it is more than a digit of the wire.
+            let (knob, step) = (&self.knobs[*at], self.knobs[*at].step);
             let value = knob.number_in(&model.settings);
             let with = |step: f64| {
                 let literal = knob.literal(&model.settings, value + step);
-                Some((knob.set(&model.settings, &literal)?, step))
+                Some((self.quiet(knob.set(&model.settings, &literal)?), step))
             };
-            let fallback = || (model.settings.clone(), step);
+            let fallback = || (self.quiet(model.settings.clone()), step);
             changed.push(with(step).or_else(|| with(-step)).unwrap_or_else(fallback));
         }
         let jobs: Vec<_> = changed.iter().map(|(settings, _)| (settings, 0)).collect();
-        let played = self.play(&jobs, Some(&model.members[0]))?;
+        let played = self.play(&jobs, Some(&model.quiet))?;
         let columns = played.iter();
-        let columns = columns.map(|seen| self.column(model, &model.members[0], seen));
+        let columns = columns.map(|seen| self.column(model, &model.quiet, seen));
         let columns: Vec<Vec<f64>> = columns.collect();
         let rows = columns.first().map_or(0, Vec::len);
         let matrix = DMatrix::from_iterator(rows, columns.len(), columns.into_iter().flatten());
@@ -652,161 +706,223 @@ impl<'a> Search<'a> {
     }
 
     /// Solves for the changes of numbers, in steps, that leave least.
-    fn solve(matrix: &DMatrix<f64>, rest: &[f64], weights: &[f64]) -> Option<DVector<f64>> {
-        let roots: Vec<f64> = weights.iter().map(|weight| weight.sqrt()).collect();
-        let mut weighted = matrix.clone();
-        for (mut row, root) in weighted.row_iter_mut().zip(&roots) {
-            row *= *root;
-        }
-        let rest = rest.iter().zip(&roots).map(|(rest, root)| rest * root);
-        let rest = DVector::from_vec(rest.collect());
-        if matrix.is_empty() {
-            return None;
-        }
-        let normal = weighted.tr_mul(&weighted);
-        let right = weighted.tr_mul(&rest);
-        let largest = normal.amax();
-        normal.svd(true, true).solve(&right, largest * 1e-9).ok()
+    fn solve(
+        matrix: &DMatrix<f64>,
+        rest: &[f64],
+        weights: &[f64],
+        damping: f64,
+    ) -> Option<DVector<f64>> {
+        let rest = rest.iter().zip(weights).map(|(rest, weight)| rest * weight);
+        let right = matrix.tr_mul(&DVector::from_iterator(weights.len(), rest));
+        Some(
+            Self::normal(matrix, weights, damping)
+                .cholesky()?
+                .solve(&right),
+        )
     }
 
-    /// Improves all numbers together.
-    fn polish(&self, mut model: Model, numbers: &[usize]) -> Result<Model, String> {
-        if numbers.is_empty() {
-            return Ok(model);
+    /// The normal matrix; what does nothing is held where it is.
+    fn normal(matrix: &DMatrix<f64>, weights: &[f64], damping: f64) -> DMatrix<f64> {
+        let mut weighted = matrix.clone();
+        for (mut row, weight) in weighted.row_iter_mut().zip(weights) {
+            row *= *weight;
         }
-        for _ in 0..3 {
-            let (matrix, steps) = self.jacobian(&model, numbers)?;
+        let mut normal = matrix.tr_mul(&weighted);
+        for at in 0..normal.nrows() {
+            normal[(at, at)] += damping * normal[(at, at)] + HELD;
+        }
+        normal
+    }
+
+    /// Improves all numbers together, by the method of Levenberg and Marquardt.
+    fn polish(&self, mut model: Model, numbers: &[usize]) -> Result<Model, String> {
+        let mut damping = 1e-3;
+        let mut slopes = None;
+        for _ in 0..if numbers.is_empty() { 0 } else { MOST_STEPS } {
+            let (matrix, steps) = match slopes.take() {
+                Some(slopes) => slopes,
+                None => self.jacobian(&model, numbers)?,
+            };
             let (rest, weights) = self.rest(&model, &self.vehicle);
-            let Some(change) = Self::solve(&matrix, &rest, &weights) else {
+            let Some(change) = Self::solve(&matrix, &rest, &weights, damping) else {
                 break;
             };
             let mut settings = model.settings.clone();
             for ((at, step), change) in numbers.iter().zip(&steps).zip(change.iter()) {
                 let knob = &self.knobs[*at];
-                let value = knob.number_in(&settings) + step * change.clamp(-4.0, 4.0);
+                let value = knob.number_in(&settings) + step * change.clamp(-2.0, 2.0);
                 settings = knob
                     .set(&settings, &knob.literal(&settings, value))
                     .unwrap_or(settings);
             }
-            let next = self.model(&settings)?;
-            if self.cost(&next, false) > self.cost(&model, false) - 1.0 {
+            let next = self.moved(&model, settings)?;
+            let before = self.cost(&model, false);
+            let saved = before - self.cost(&next, false);
+            if saved > 0.0 {
+                (model, damping) = (next, damping / 10.0);
+                if saved < 1.0 + before / 1000.0 {
+                    break;
+                }
+            } else if damping > 1.0 {
                 break;
+            } else {
+                (damping, slopes) = (damping * 30.0, Some((matrix, steps)));
             }
-            model = next;
         }
-        Ok(model)
+        self.model(&model.settings)
     }
 
-    fn numbers(&self, found: &[Found]) -> Vec<usize> {
-        let numbers = found.iter().map(|one| one.knob);
-        let is_number = |at: &usize| self.knobs[*at].choices.is_empty();
-        numbers.filter(is_number).collect()
+    fn numbers(&self, settings: &SimSettings) -> Vec<usize> {
+        let mut changed = self.changed(settings);
+        changed.retain(|at| self.knobs[*at].choices.is_empty());
+        changed
     }
 
     /// Slot at which one model fits better than another by most.
     fn shows(&self, before: &Model, after: &Model) -> (usize, usize) {
-        let saved = |(at, slot): (usize, usize)| {
-            let is_real = self.recordings[at].is_real;
-            let seen = self.vehicle[at][slot].as_ref();
-            before.cells[at][slot].cost(seen, &before.layout, is_real)
-                - after.cells[at][slot].cost(seen, &after.layout, is_real)
-        };
+        let saved = |at| self.saved_at(before, after, at);
         let slots = self.slots(false);
         slots
             .max_by(|one, other| saved(*one).total_cmp(&saved(*other)))
             .unwrap_or_default()
     }
 
-    /// Takes back what the others explain as well, and notes what else explains what is left.
-    fn prune(
-        &self,
-        model: &mut Model,
-        found: &mut Vec<Found>,
-        trials: &[Trial],
-    ) -> Result<(), String> {
-        let mut at = 0;
-        while at < found.len() {
-            let knob = &self.knobs[found[at].knob];
-            let Some(settings) = knob.set(&model.settings, &knob.default_in(&model.settings))
-            else {
+    /// Takes back what the others explain as well, takes what explains more instead, and notes what explains
+    /// as much: all with the numbers of the others at their best.
+    fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
+        let mut found: Vec<Found> = Vec::new();
+        let mut swaps = MOST_FOUND;
+        while let Some(own) = (self.changed(&model.settings).into_iter())
+            .find(|at| found.iter().all(|one| one.knob != *at))
+        {
+            let knob = &self.knobs[own];
+            let default = knob.default_in(&model.settings);
+            let Some(settings) = knob.set(&model.settings, &default) else {
                 break;
             };
-            let mut others = self.numbers(found);
-            others.retain(|other| *other != found[at].knob);
-            let without = self.polish(self.model(&settings)?, &others)?;
-            let saves = self.cost(&without, false) - self.cost(model, false);
+            let others = self.numbers(&settings);
+            let without = self.polish(self.moved(model, settings)?, &others)?;
+            let saves = self.gain(&without, model);
             if saves < self.margin() {
-                found.remove(at);
+                found.clear();
                 *model = without;
-                at = 0;
                 continue;
             }
-            found[at].or = self.as_good(&without, found[at].knob, saves, trials);
-            at += 1;
+            let mut or = Vec::new();
+            let mut best: Option<Model> = None;
+            for (part, trial) in self.instead(model, &without, own, saves, trials) {
+                let Some(tried) = self.with(&without, trial, part)? else {
+                    continue;
+                };
+                let numbers = self.numbers(&tried.settings);
+                let tried = self.polish(tried, &numbers)?;
+                let more = self.gain(model, &tried);
+                if more > self.margin() && swaps > 0 {
+                    best = Some(tried);
+                } else if self.gain(&tried, model) < self.margin() {
+                    or.push(match trial.knob == own {
+                        true => format!("{}={}", knob.key, trial.literal),
+                        false => self.knobs[trial.knob].name(),
+                    });
+                }
+            }
+            if let Some(best) = best {
+                swaps -= 1;
+                found.clear();
+                *model = best;
+                continue;
+            }
+            found.push(Found {
+                knob: own,
+                literal: knob.literal_in(&model.settings),
+                number: None,
+                or,
+                left: self.left(&without, model),
+                shown_by: self.shows(&without, model),
+            });
         }
-        Ok(())
+        Ok(found)
     }
 
-    /// Other settings that explain what one explains.
-    fn as_good(&self, without: &Model, knob: usize, saves: f64, trials: &[Trial]) -> Vec<String> {
-        let column = |trial: &Trial| self.column(without, &trial.from, &trial.to);
-        let mut own = trials.iter();
-        let own = own.find(|trial| trial.knob == knob && trial.step.is_some());
-        let own = own.map(column);
-        let is_one = |trial: &&Trial| {
-            let others = self.saves(without, trial, &self.vehicle).0;
-            let is_alike = |own: &Vec<f64>| likeness(own, &column(trial)) > ALIKE;
-            others > (saves - self.margin()).max(0.75 * saves)
-                || others > self.margin() && own.as_ref().is_some_and(is_alike)
-        };
+    /// What promises to explain much of what a setting explains, the best value of each other setting.
+    fn instead<'t>(
+        &self,
+        model: &Model,
+        without: &Model,
+        own: usize,
+        saves: f64,
+        trials: &'t [Trial],
+    ) -> Vec<(f64, &'t Trial)> {
         let others = trials.iter();
-        let others = others.filter(|trial| trial.knob != knob && trial.touches);
-        let names = others
-            .filter(is_one)
-            .map(|trial| self.knobs[trial.knob].name());
-        let mut names: Vec<String> = names.collect();
-        names.dedup();
-        names
+        let others = others.filter(|trial| {
+            let is_other = trial.knob != own || trial.step.is_none();
+            is_other && trial.literal != self.knobs[own].literal_in(&model.settings)
+        });
+        let promised = others.map(|trial| (self.saves(without, trial), trial));
+        let mut best: Vec<_> = promised
+            .filter(|((promised, _), _)| *promised > AS_MUCH * saves)
+            .collect();
+        best.sort_by(|one, other| other.0.0.total_cmp(&one.0.0));
+        let mut knobs = BTreeSet::new();
+        best.retain(|(_, trial)| knobs.insert(trial.knob) || trial.knob == own);
+        best.truncate(MOST_INSTEAD);
+        best.into_iter()
+            .map(|((_, part), trial)| (part, trial))
+            .collect()
+    }
+
+    /// Of all that the model does otherwise than another: the cost that is left beyond chance, and the most
+    /// that chance leaves.
+    fn left(&self, other: &Model, model: &Model) -> [f64; 2] {
+        let mut changes = Vec::new();
+        let mut wrong = 0;
+        for (at, slot) in self.slots(false) {
+            let [before, cell] = [other, model].map(|model| &model.cells[at][slot]);
+            let same = before.form == cell.form;
+            let value = |channel: usize| same.then(|| cell.mean[channel] - before.mean[channel]);
+            self.values(model, cell, value, &mut changes);
+            if self.saved_at(other, model, (at, slot)) != 0.0 {
+                let seen = self.vehicle[at][slot].as_ref();
+                wrong += cell.contradictions(seen, &model.layout);
+            }
+        }
+        let left = |seen: &[Seen]| -> (f64, f64) {
+            let rest = self.rest(model, seen).0;
+            let touched = rest
+                .iter()
+                .zip(&changes)
+                .filter(|(_, change)| change.abs() > 0.5);
+            touched.fold((0.0, 0.0), |(sum, count), (rest, _)| {
+                (sum + cost(*rest), count + 1.0)
+            })
+        };
+        let (of_vehicle, count) = left(&self.vehicle);
+        let members = model.members.iter().map(|member| left(member).0);
+        let by_chance = members.sum::<f64>() / model.members.len() as f64;
+        let spread = by_chance * (2.0 / count.max(1.0)).sqrt();
+        let wrong = DIFFERENT * wrong.saturating_sub(2) as f64;
+        [of_vehicle - by_chance + wrong, LEFT * spread + 1.0]
     }
 
     /// Notes the values that were found, and their intervals.
     fn measure(&self, model: &Model, found: &mut [Found]) -> Result<(), String> {
-        let numbers = self.numbers(found);
+        let numbers = self.numbers(&model.settings);
         let (matrix, steps) = self.jacobian(model, &numbers)?;
-        let chance = model.members.iter().filter_map(|member| {
-            let (rest, weights) = self.rest(model, member);
-            Self::solve(&matrix, &rest, &weights)
-        });
-        let chance: Vec<DVector<f64>> = chance.collect();
-        // What no setting explains makes all numbers less certain.
-        let (rest, weights) = self.rest(model, &self.vehicle);
-        let left = rest
-            .iter()
-            .zip(&weights)
-            .map(|(rest, weight)| weight * rest * rest);
-        let misfit = (left.sum::<f64>() / rest.len().max(1) as f64)
-            .sqrt()
-            .max(1.0);
-        let covariance = match matrix.is_empty() {
-            true => None,
-            false => matrix.tr_mul(&matrix).pseudo_inverse(1e-12).ok(),
-        };
+        let weights = self.rest(model, &self.vehicle).1;
+        let covariance = Self::normal(&matrix, &weights, 0.0).try_inverse();
         for one in found {
             let knob = &self.knobs[one.knob];
-            one.literal = knob.literal_in(&model.settings);
             let Some(at) = numbers.iter().position(|number| *number == one.knob) else {
                 continue;
             };
-            let squares = chance.iter().map(|change| change[at].powi(2)).sum::<f64>();
-            let sd = (squares / (chance.len() as f64 - 1.0).max(1.0)).sqrt();
-            let least = covariance
-                .as_ref()
-                .map_or(0.0, |all| all[(at, at)].max(0.0).sqrt());
-            let half = T99 * misfit * sd.max(least) * steps[at].abs();
+            let variance = covariance.as_ref().map_or(0.0, |all| all[(at, at)]);
+            // What is left may be due to another change, and its effect as that of this one.
+            let wide = WIDE + one.left[0].max(0.0).sqrt();
+            let half = wide * variance.sqrt() * steps[at].abs();
             let value = knob.number_in(&model.settings);
             // It may show only in what is there or is not, or be lost in what the machine explains.
             let ends = self.ends(model, knob)?;
-            let is_flat = matrix.column(at).amax() < 1.0 || ends.contains(&None);
+            let is_flat = matrix.column(at).amax() < 4.0 || ends.contains(&None);
             let between = if is_flat { knob.step / 8.0 } else { 0.0 };
             let [low, high] = ends;
             let low = low.map(|low| (value - half).min(low) - between);
@@ -826,7 +942,11 @@ impl<'a> Search<'a> {
                     low.is_some_and(|low| before < low) || high.is_some_and(|high| before > high)
                 });
                 let is_enough = enough || matches!(knob.basis, Basis::Assumed(_));
-                return match one.or.is_empty() && is_outside && is_enough {
+                return match one.or.is_empty()
+                    && one.left[0] < one.left[1]
+                    && is_outside
+                    && is_enough
+                {
                     true => Verdict::Contradicted,
                     false => Verdict::NotDecided,
                 };
@@ -837,7 +957,7 @@ impl<'a> Search<'a> {
             }
             let excluded = |trial: &Trial| {
                 let change = [&**trial.from, &trial.to];
-                self.saved(model, change, 1.0, &self.vehicle) < -self.margin()
+                self.saved(model, change, 1.0) < -self.margin()
             };
             let doubted = found.iter().any(|one| one.or.contains(&knob.name()));
             match own().all(excluded) && !doubted {
@@ -853,11 +973,11 @@ fn product(one: &[f64], other: &[f64]) -> f64 {
     one.iter().zip(other).map(|(one, other)| one * other).sum()
 }
 
-/// How alike two directions are, without their signs.
-fn likeness(one: &[f64], other: &[f64]) -> f64 {
-    let lengths = product(one, one) * product(other, other);
-    match lengths > 0.0 {
-        true => product(one, other).abs() / lengths.sqrt(),
-        false => 0.0,
-    }
+/// Of values and what each saves, the least and the greatest that save as much as the best.
+fn as_good(ladder: &[(f64, f64)]) -> Option<[f64; 2]> {
+    let saved = ladder.iter().map(|(_, saved)| *saved);
+    let least = saved.fold(f64::NEG_INFINITY, f64::max) - AS_GOOD;
+    let mut good = ladder.iter().filter(|(_, saved)| *saved >= least);
+    let first = good.next()?.0;
+    Some([first, good.next_back().map_or(first, |(last, _)| *last)])
 }
