@@ -185,6 +185,11 @@ impl Knob {
         set.ok().map(|()| changed)
     }
 
+    /// The settings with this number changed; `None` for what is not allowed.
+    pub(super) fn set_number(&self, settings: &SimSettings, number: f64) -> Option<SimSettings> {
+        self.set(settings, &self.literal(settings, number))
+    }
+
     /// Its name, with the part of a version.
     pub(super) fn name(&self) -> String {
         match &self.form {

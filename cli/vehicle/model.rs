@@ -63,18 +63,13 @@ pub(super) fn cells(
         }
     }
     // Of a channel as a whole.
-    let mut spreads: BTreeMap<_, Vec<Vec<f64>>> = BTreeMap::new();
+    let mut spreads: BTreeMap<_, Vec<f64>> = BTreeMap::new();
     for cell in &cells {
-        let of_form = spreads.entry(cell.form).or_default();
-        of_form.resize(cell.sd.len(), Vec::new());
-        for (all, sd) in of_form.iter_mut().zip(&cell.sd) {
-            all.push(*sd);
+        for (channel, sd) in cell.sd.iter().enumerate() {
+            spreads.entry((cell.form, channel)).or_default().push(*sd);
         }
     }
-    let usual: BTreeMap<_, Vec<f64>> = spreads
-        .into_iter()
-        .map(|(form, all)| (form, all.iter().map(|all| usual(all)).collect()))
-        .collect();
+    let usual: BTreeMap<_, f64> = spreads.iter().map(|(of, all)| (of, usual(all))).collect();
     let jitter = jitter(recording, &cells);
     let plain: Vec<(u64, Vec<f64>)> = cells
         .iter()
@@ -84,9 +79,9 @@ pub(super) fn cells(
     let mut last: BTreeMap<_, usize> = BTreeMap::new();
     for at in 0..cells.len() {
         let before = last.insert(cells[at].form, at);
-        let usual = &usual[&cells[at].form];
-        for (channel, usual) in usual.iter().enumerate() {
-            if is_choice(&cells[at], channel, layout) {
+        for channel in 0..cells[at].sd.len() {
+            let info = layout.of_form(cells[at].form).get(channel);
+            if info.is_none_or(|info| info.is_choice) {
                 // In real time it may change a little sooner or later than in the model.
                 if let Some(before) = before.filter(|_| recording.is_real)
                     && plain[before].1[channel] != plain[at].1[channel]
@@ -102,8 +97,9 @@ pub(super) fn cells(
                 (plain[at].1[channel] - plain[before].1[channel]).abs() / span.max(1.0)
             });
             // Of so few plays, one reply has about that of all.
+            let usual = usual[&(cells[at].form, channel)];
             let sd = cells[at].sd[channel];
-            let sd = if sd > 2.5 * usual { sd } else { *usual };
+            let sd = if sd > 2.5 * usual { sd } else { usual };
             // The mean is a whole number on the wire, or that of the plays.
             let round = f64::from(channel > 0) / 12.0;
             let late = recording.slots[at].late;
@@ -130,34 +126,25 @@ fn usual(all: &[f64]) -> f64 {
 /// Widens the scatter of channels that is wider in the recording than in the model: that is noise of the
 /// vehicle's. It is how far a reply is off the middle of its neighbours, whatever the model does.
 fn add_noise(cells: &mut [Cell], recording: &Recording) {
-    let mut values: BTreeMap<_, Vec<Vec<f64>>> = BTreeMap::new();
+    let mut values: BTreeMap<_, Vec<f64>> = BTreeMap::new();
     for (cell, seen) in cells.iter().zip(&recording.seen) {
-        let Some(seen) = seen.as_ref().filter(|seen| Some(seen.form) == cell.form) else {
-            continue;
-        };
-        let of_form = values
-            .entry(cell.form)
-            .or_insert_with(|| vec![Vec::new(); cell.sd.len()]);
-        for ((values, sd), seen) in of_form.iter_mut().zip(&cell.sd).zip(&seen.values) {
-            values.push(seen / sd);
+        let seen = seen.as_ref().filter(|seen| Some(seen.form) == cell.form);
+        let values_of = seen.iter().flat_map(|seen| &seen.values).zip(&cell.sd);
+        for (channel, (value, sd)) in values_of.enumerate() {
+            let of_channel = values.entry((cell.form, channel)).or_default();
+            of_channel.push(value / sd);
         }
     }
-    let widen = |values: &Vec<f64>| {
+    for values in values.values_mut() {
         let bends = values.windows(3);
         let bends: Vec<f64> = bends.map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()).collect();
         // The median of what is normal, and the spread of such a sum.
-        (middle(&bends).0 / (0.6745 * 6.0_f64.sqrt())).max(1.0)
-    };
-    let factors: BTreeMap<_, Vec<f64>> = values
-        .iter()
-        .map(|(form, all)| (*form, all.iter().map(widen).collect()))
-        .collect();
+        *values = vec![(middle(&bends).0 / (0.6745 * 6.0_f64.sqrt())).max(1.0)];
+    }
     for cell in cells {
-        let factors = factors.get(&cell.form).into_iter().flatten();
-        for (sd, factor) in cell.sd.iter_mut().zip(factors) {
-            if factor.is_finite() {
-                *sd *= factor;
-            }
+        for (channel, sd) in cell.sd.iter_mut().enumerate() {
+            let factor = values.get(&(cell.form, channel)).map_or(1.0, |all| all[0]);
+            *sd *= if factor.is_finite() { factor } else { 1.0 };
         }
     }
 }
@@ -171,13 +158,6 @@ fn jitter(recording: &Recording, cells: &[Cell]) -> f64 {
     let waits =
         replies.filter_map(|(reply, cell)| Some(reply.as_ref()?.values[0] - cell.mean.first()?));
     1.0 + 1.5 * middle(&waits.collect::<Vec<_>>()).1
-}
-
-fn is_choice(cell: &Cell, channel: usize, layout: &Layout) -> bool {
-    let channels = layout.of_form(cell.form);
-    channels
-        .get(channel)
-        .is_none_or(|channel| channel.is_choice)
 }
 
 fn cell(plays: &[&Seen], at: usize, layout: &Layout) -> Cell {
@@ -299,11 +279,7 @@ impl Cell {
                     let rest = seen.values.get(channel)? - self.mean.get(channel)?;
                     let sd = self.sd[channel];
                     if info.is_choice {
-                        return Some(if rest != 0.0 && sd == 0.0 {
-                            DIFFERENT
-                        } else {
-                            0.0
-                        });
+                        return (rest != 0.0 && sd == 0.0).then_some(DIFFERENT);
                     }
                     Some(cost(significant(rest, channel, is_real) / sd))
                 });

@@ -1,8 +1,8 @@
 //! Search for the settings by which the model does what a recording has.
 //!
-//! One mechanism serves all: every setting is changed, the recording is played again by the same chance,
-//! and what changes is compared with what is left between recording and model. What the same search finds
-//! in plays of the model itself, by other chance, is what chance explains.
+//! One mechanism serves all: every setting is changed, the recording is played again without noise, and what
+//! changes is compared with what is left between recording and model. What is left of plays of the model
+//! itself is what chance explains.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
@@ -28,10 +28,6 @@ const MOST_FOUND: usize = 16;
 const TOUCHED: f64 = 25.0;
 /// Most changes that are tried although they do not keep what they promise.
 const MOST_REFUSED: usize = 30;
-/// Values of a number that are tried at a time, in steps of the trial.
-const LADDER: [f64; 14] = [
-    -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0,
-];
 /// Most times that settings are searched and all numbers improved, and most steps of an improvement.
 const ROUNDS: usize = 5;
 const MOST_STEPS: usize = 12;
@@ -186,10 +182,7 @@ impl<'a> Search<'a> {
             written = knob.set(&written, &literal).unwrap_or(written);
         }
         let before = self.cost(&assumed, true);
-        let after = match found.is_empty() {
-            true => before,
-            false => self.cost(&self.model(&written)?, true),
-        };
+        let after = self.cost(&self.model(&written)?, true);
         if after >= before {
             written = self.base.clone();
         }
@@ -211,10 +204,17 @@ impl<'a> Search<'a> {
     fn grow(&self, model: &Model, trials: &[Trial]) -> Result<Model, String> {
         let mut model = model.clone();
         let mut refused = BTreeSet::new();
-        while refused.len() < MOST_REFUSED
-            && self.changed(&model.settings).len() < MOST_FOUND
-            && let Some((promised, part, trial)) = self.best(&model, trials, &refused)
-        {
+        while refused.len() < MOST_REFUSED {
+            let known = self.changed(&model.settings);
+            let open = trials.iter().filter(|one| {
+                let is_known = one.step.is_some() && known.contains(&one.knob);
+                !is_known && !refused.contains(&(one.knob, one.literal.clone()))
+            });
+            let best = self.best(&model, open, self.margin());
+            let Some(&(promised, part, trial)) = best.first().filter(|_| known.len() < MOST_FOUND)
+            else {
+                break;
+            };
             // What a step of a number promises is not what the number does at its best.
             let tried = self.with(&model, trial, part)?;
             let least = self.margin().max(promised / 5.0);
@@ -230,17 +230,15 @@ impl<'a> Search<'a> {
 
     /// Frees all numbers that do something, and takes back one by one what the others explain as well.
     fn join(&self, model: Model, trials: &[Trial]) -> Result<Model, String> {
-        let mut numbers: Vec<usize> = trials
+        let touching = trials
             .iter()
-            .filter(|trial| trial.touches && trial.step.is_some())
-            .map(|trial| trial.knob)
-            .chain(self.numbers(&model.settings))
-            .collect();
-        numbers.sort_unstable();
-        numbers.dedup();
+            .filter(|one| one.touches && one.step.is_some());
+        let numbers = touching.map(|one| one.knob);
+        let numbers: BTreeSet<usize> = numbers.chain(self.numbers(&model.settings)).collect();
+        let numbers = Vec::from_iter(numbers);
         let joint = self.polish(model.clone(), &numbers)?;
         let (matrix, steps) = self.jacobian(&joint, &numbers)?;
-        let (_, weights) = self.rest(&joint, &self.vehicle);
+        let weights = self.rest(&joint, &self.vehicle).1;
         let Some(mut covariance) = Self::normal(&matrix, &weights, 0.0).try_inverse() else {
             return Ok(model);
         };
@@ -251,15 +249,12 @@ impl<'a> Search<'a> {
         let mut away = DVector::from_iterator(numbers.len(), away);
         let mut free: BTreeSet<usize> = (0..numbers.len()).collect();
         // What a reset costs if all others that are free follow.
-        let costs = |away: &DVector<f64>, covariance: &DMatrix<f64>, at: usize| {
-            away[at].powi(2) / covariance[(at, at)].max(1e-12)
-        };
-        while let Some(least) = free.iter().copied().min_by(|one, other| {
-            costs(&away, &covariance, *one).total_cmp(&costs(&away, &covariance, *other))
-        }) {
-            if costs(&away, &covariance, least) > self.margin() && free.len() <= MOST_FOUND {
-                break;
-            }
+        while let Some((cost, least)) = free
+            .iter()
+            .map(|at| (away[*at].powi(2) / covariance[(*at, *at)].max(1e-12), *at))
+            .min_by(|one, other| one.0.total_cmp(&other.0))
+            && (cost <= self.margin() || free.len() > MOST_FOUND)
+        {
             free.remove(&least);
             let column = covariance.column(least) / covariance[(least, least)].max(1e-12);
             away -= &column * away[least];
@@ -269,11 +264,7 @@ impl<'a> Search<'a> {
         for (at, (number, step)) in numbers.iter().zip(&steps).enumerate() {
             let knob = &self.knobs[*number];
             let value = knob.number_in(&self.base) + away[at] * step;
-            let literal = match free.contains(&at) {
-                true => knob.literal(&settings, value),
-                false => knob.default_in(&settings),
-            };
-            settings = knob.set(&settings, &literal).unwrap_or(settings);
+            settings = knob.set_number(&settings, value).unwrap_or(settings);
         }
         let numbers: Vec<usize> = free.iter().map(|at| numbers[*at]).collect();
         let next = self.polish(self.moved(&joint, settings)?, &numbers)?;
@@ -292,10 +283,11 @@ impl<'a> Search<'a> {
     fn changed(&self, settings: &SimSettings) -> Vec<usize> {
         let differs = |at: &usize| {
             let knob = &self.knobs[*at];
-            match knob.choices.is_empty() {
-                true => knob.number_in(settings) != knob.number_in(&self.base),
-                false => knob.literal_in(settings) != knob.literal_in(&self.base),
-            }
+            let value = |settings| match knob.choices.is_empty() {
+                true => knob.number_in(settings).to_string(),
+                false => knob.literal_in(settings),
+            };
+            value(settings) != value(&self.base)
         };
         (0..self.knobs.len()).filter(differs).collect()
     }
@@ -336,6 +328,7 @@ impl<'a> Search<'a> {
             .collect()
     }
 
+    /// The model with these settings.
     pub(super) fn model(&self, settings: &SimSettings) -> Result<Model, String> {
         let quiet = self.quiet(settings.clone());
         let seeds = (0..SEEDS).map(|seed| (settings, seed));
@@ -381,17 +374,18 @@ impl<'a> Search<'a> {
     /// The settings without noise.
     fn quiet(&self, mut settings: SimSettings) -> SimSettings {
         for knob in &self.noise {
-            settings = (knob.set(&settings, &knob.literal(&settings, 0.0))).unwrap_or(settings);
+            settings = knob.set_number(&settings, 0.0).unwrap_or(settings);
         }
         settings
     }
 
     /// Cost that a change has to save; more where a machine may have spoiled some replies.
     fn margin(&self) -> f64 {
-        match self.recordings.iter().any(|recording| recording.is_real) {
-            true => 2.0 * MARGIN,
-            false => MARGIN,
-        }
+        if self.is_real() { 2.0 * MARGIN } else { MARGIN }
+    }
+
+    fn is_real(&self) -> bool {
+        self.recordings.iter().any(|recording| recording.is_real)
     }
 
     /// Each other value of each choice, and each number with a small and a large step up and down.
@@ -399,16 +393,15 @@ impl<'a> Search<'a> {
         let mut planned = Vec::new();
         for (knob, about) in self.knobs.iter().enumerate() {
             let choices = about.choices.iter().map(|one| (one.clone(), None));
-            let mut values: Vec<(String, Option<f64>)> = choices.collect();
-            if about.choices.is_empty() {
-                let value = about.number_in(&model.settings);
-                let literal = |step| about.literal(&model.settings, value + step);
-                values.extend(
-                    STEPS.map(|part| (literal(part * about.step), Some(part * about.step))),
-                );
-            }
+            let steps = STEPS.iter().filter(|_| about.choices.is_empty());
+            let number = about.number_in(&model.settings);
+            let numbers = steps.map(|part| {
+                let step = part * about.step;
+                (about.literal(&model.settings, number + step), Some(step))
+            });
+            let values = choices.chain(numbers);
             let now = about.literal_in(&model.settings);
-            for (literal, step) in values.into_iter().filter(|(literal, _)| *literal != now) {
+            for (literal, step) in values.filter(|(literal, _)| *literal != now) {
                 if let Some(settings) = about.set(&model.settings, &literal) {
                     planned.push((knob, literal, step, self.quiet(settings)));
                 }
@@ -418,13 +411,17 @@ impl<'a> Search<'a> {
         let played = self.play(&jobs, Some(&model.quiet))?;
         let trial = |((knob, literal, step, _), to): ((usize, String, _, _), Play)| {
             let column = self.column(model, &model.quiet, &to);
+            let differs = |(at, slot): (usize, usize)| {
+                let cell: &Cell = &model.cells[at][slot];
+                cell.contradictions(to[at][slot].as_ref(), &model.layout) > 0
+            };
+            let squares = column.iter().map(|change| change * change);
             Trial {
                 knob,
                 literal,
                 step,
                 from: Arc::clone(&model.quiet),
-                touches: self.differs(model, &model.quiet, &to)
-                    || product(&column, &column) > TOUCHED,
+                touches: squares.sum::<f64>() > TOUCHED || self.slots(false).any(differs),
                 to,
             }
         };
@@ -438,23 +435,6 @@ impl<'a> Search<'a> {
             let slots = recording.slots.iter().enumerate();
             let some = slots.filter(move |(_, slot)| takes_part(slot, held_out));
             some.map(move |(slot, _)| (at, slot))
-        })
-    }
-
-    /// Returns whether a bit, a word or a form is another, or a reply is not there.
-    fn differs(&self, model: &Model, base: &[Seen], seen: &[Seen]) -> bool {
-        self.slots(false).any(|(at, slot)| {
-            let sd = &model.cells[at][slot].sd;
-            match (&base[at][slot], &seen[at][slot]) {
-                (Some(one), Some(other)) if one.form == other.form => {
-                    let mut channels = model.layout.channels(one).iter().enumerate();
-                    channels.any(|(at, info)| {
-                        let is_sure = info.is_choice && sd.get(at).is_some_and(|sd| sd.is_finite());
-                        is_sure && one.values[at] != other.values[at]
-                    })
-                }
-                (one, other) => one.is_some() || other.is_some(),
-            }
         })
     }
 
@@ -483,51 +463,49 @@ impl<'a> Search<'a> {
     }
 
     pub(super) fn cost(&self, model: &Model, held_out: bool) -> f64 {
-        let costs = self.slots(held_out).map(|(at, slot)| {
-            let seen = self.vehicle[at][slot].as_ref();
-            model.cells[at][slot].cost(seen, &model.layout, self.recordings[at].is_real)
-        });
+        let costs = self.slots(held_out).map(|at| self.cost_at(model, at));
         costs.sum()
     }
 
-    /// The trial that saves most, behind what it saves, and by which part of its change.
+    fn cost_at(&self, model: &Model, (at, slot): (usize, usize)) -> f64 {
+        let seen = self.vehicle[at][slot].as_ref();
+        model.cells[at][slot].cost(seen, &model.layout, self.recordings[at].is_real)
+    }
+
+    /// Those of these trials that save so much, the best of all first: what each saves, and by which part of
+    /// its change.
     fn best<'t>(
         &self,
         model: &Model,
-        trials: &'t [Trial],
-        refused: &BTreeSet<(usize, String)>,
-    ) -> Option<(f64, f64, &'t Trial)> {
-        let known = self.numbers(&model.settings);
-        let is_open = |trial: &&Trial| {
-            !known.contains(&trial.knob) && !refused.contains(&(trial.knob, trial.literal.clone()))
-        };
-        let saves = |trial: &'t Trial| {
-            let (saves, part) = self.saves(model, trial);
-            (saves > self.margin()).then_some((saves, part, trial))
-        };
-        let open = trials.iter().filter(is_open).filter_map(saves);
-        open.max_by(|one, other| one.0.total_cmp(&other.0))
+        trials: impl Iterator<Item = &'t Trial>,
+        least: f64,
+    ) -> Vec<(f64, f64, &'t Trial)> {
+        let saves = trials.map(|trial| (self.saves(model, trial), trial));
+        let some = saves.filter(|((saves, _), _)| *saves > least);
+        let mut best: Vec<_> = some
+            .map(|((saves, part), trial)| (saves, part, trial))
+            .collect();
+        best.sort_by(|one, other| other.0.total_cmp(&one.0));
+        best
     }
 
     /// Cost that a trial saves, and the part of its change that saves most.
     fn saves(&self, model: &Model, trial: &Trial) -> (f64, f64) {
         let saved = |part| self.saved(model, [&trial.from, &trial.to], part);
-        let whole = (saved(1.0), 1.0);
         if trial.step.is_none() {
-            return whole;
+            return (saved(1.0), 1.0);
         }
         let column = self.column(model, &trial.from, &trial.to);
-        let rest = self.rest(model, &self.vehicle);
-        let (mut above, mut below) = (0.0, 0.0);
-        for ((change, rest), weight) in column.iter().zip(&rest.0).zip(&rest.1) {
-            above += change * rest * weight;
-            below += change * change * weight;
-        }
-        let part = (above / below).clamp(-4.0, 4.0);
-        if below == 0.0 || !part.is_finite() {
-            return whole;
-        }
-        let partly = (saved(part), part);
+        let (rest, weights) = self.rest(model, &self.vehicle);
+        let sum = |other: &[f64]| -> f64 {
+            let products = column.iter().zip(other).zip(&weights);
+            products
+                .map(|((one, other), weight)| one * other * weight)
+                .sum()
+        };
+        let part = (sum(&rest) / sum(&column)).clamp(-4.0, 4.0);
+        let parts = [1.0, if part.is_finite() { part } else { 1.0 }];
+        let [whole, partly] = parts.map(|part| (saved(part), part));
         if partly.0 > whole.0 { partly } else { whole }
     }
 
@@ -535,12 +513,7 @@ impl<'a> Search<'a> {
     fn saved(&self, model: &Model, [from, to]: [&[Seen]; 2], part: f64) -> f64 {
         let each = self.slots(false).map(|(at, slot)| {
             let [from, to, seen] = [from, to, &self.vehicle].map(|play| play[at][slot].as_ref());
-            let same = match (from, to) {
-                (Some(from), Some(to)) => from.form == to.form && from.values == to.values,
-                (None, None) => true,
-                _ => false,
-            };
-            if same {
+            if from == to {
                 return 0.0;
             }
             let (cell, is_real) = (&model.cells[at][slot], self.recordings[at].is_real);
@@ -556,8 +529,7 @@ impl<'a> Search<'a> {
         let (sum, most) = saved.fold((0.0, 0.0_f64), |(sum, most), saved| {
             (sum + saved, most.max(saved))
         });
-        let is_real = self.recordings.iter().any(|recording| recording.is_real);
-        if is_real { sum - most } else { sum }
+        if self.is_real() { sum - most } else { sum }
     }
 
     /// Cost that one model saves beside another.
@@ -565,58 +537,49 @@ impl<'a> Search<'a> {
         self.total(self.slots(false).map(|at| self.saved_at(before, after, at)))
     }
 
-    fn saved_at(&self, before: &Model, after: &Model, (at, slot): (usize, usize)) -> f64 {
-        let seen = self.vehicle[at][slot].as_ref();
-        let is_real = self.recordings[at].is_real;
-        let cost = |model: &Model| model.cells[at][slot].cost(seen, &model.layout, is_real);
-        cost(before) - cost(after)
+    fn saved_at(&self, before: &Model, after: &Model, at: (usize, usize)) -> f64 {
+        self.cost_at(before, at) - self.cost_at(after, at)
     }
 
     /// What changes from one play to another, in standard deviations: a column of the Jacobian.
     fn column(&self, model: &Model, from: &[Seen], to: &[Seen]) -> Vec<f64> {
-        let mut column = Vec::new();
-        for (at, slot) in self.slots(false) {
-            let cell = &model.cells[at][slot];
-            let both = from[at][slot].as_ref().zip(to[at][slot].as_ref());
-            let both =
-                both.filter(|(from, to)| [from, to].map(|one| Some(one.form)) == [cell.form; 2]);
-            let value =
-                |channel: usize| both.map(|(from, to)| to.values[channel] - from.values[channel]);
-            self.values(model, cell, value, &mut column);
-        }
-        column
+        self.values(model, |(at, slot), cell, channel| {
+            let [from, to] = [from, to].map(|play| play[at][slot].as_ref());
+            let has_form = |one: &&Reply| Some(one.form) == cell.form;
+            let (from, to) = (from.filter(has_form)?, to.filter(has_form)?);
+            Some(to.values[channel] - from.values[channel])
+        })
     }
 
     /// What is left between replies and model, in standard deviations, and the weights.
     fn rest(&self, model: &Model, seen: &[Seen]) -> (Vec<f64>, Vec<f64>) {
-        let mut rest = Vec::new();
-        for (at, slot) in self.slots(false) {
-            let (cell, is_real) = (&model.cells[at][slot], self.recordings[at].is_real);
+        let rest = self.values(model, |(at, slot), cell, channel| {
             let reply = seen[at][slot].as_ref();
-            let reply = reply.filter(|reply| Some(reply.form) == cell.form);
-            let value = |channel: usize| {
-                let rest = reply?.values[channel] - cell.mean[channel];
-                Some(significant(rest, channel, is_real).copysign(rest))
-            };
-            self.values(model, cell, value, &mut rest);
-        }
+            let reply = reply.filter(|reply| Some(reply.form) == cell.form)?;
+            let rest = reply.values[channel] - cell.mean[channel];
+            Some(significant(rest, channel, self.recordings[at].is_real).copysign(rest))
+        });
         let weights = rest.iter().map(|rest| weight(*rest)).collect();
         (rest, weights)
     }
 
-    /// Adds a value for each numeric channel of a cell, in standard deviations.
+    /// A value for each numeric channel of each slot, in standard deviations.
     fn values(
         &self,
         model: &Model,
-        cell: &Cell,
-        value: impl Fn(usize) -> Option<f64>,
-        to: &mut Vec<f64>,
-    ) {
-        for (channel, info) in model.layout.of_form(cell.form).iter().enumerate() {
-            if !info.is_choice && channel < cell.mean.len() {
-                to.push(value(channel).unwrap_or(0.0) / cell.sd[channel]);
+        value: impl Fn((usize, usize), &Cell, usize) -> Option<f64>,
+    ) -> Vec<f64> {
+        let mut all = Vec::new();
+        for (at, slot) in self.slots(false) {
+            let cell = &model.cells[at][slot];
+            for (channel, info) in model.layout.of_form(cell.form).iter().enumerate() {
+                if !info.is_choice && channel < cell.mean.len() {
+                    let value = value((at, slot), cell, channel).unwrap_or(0.0);
+                    all.push(value / cell.sd[channel]);
+                }
             }
         }
+        all
     }
 
     /// The model with a trial, a number at its best; `None` if that is not allowed.
@@ -629,8 +592,8 @@ impl<'a> Search<'a> {
         };
         let value = knob.number_in(&model.settings);
         // Wide first, and the nearest of what is as good; then around that.
-        let wide = LADDER.iter().map(|at| at * step);
-        let wide = wide.chain([part * step]).map(|away| value + away);
+        let wide = (-8..=10).map(|at| f64::from(at) / 2.0).chain([part]);
+        let wide = wide.map(|part| value + part * step);
         let Some([low, high]) = as_good(&self.ladder(model, knob, wide)?) else {
             return Ok(None);
         };
@@ -638,7 +601,7 @@ impl<'a> Search<'a> {
         let fine = (-6..=6).map(|at| near + f64::from(at) * step);
         let fine = as_good(&self.ladder(model, knob, fine)?);
         let best = fine.map_or(near, |[low, high]| (low + high) / 2.0);
-        let settings = knob.set(&model.settings, &knob.literal(&model.settings, best));
+        let settings = knob.set_number(&model.settings, best);
         let moved = settings.map(|settings| self.moved(model, settings));
         moved.transpose()
     }
@@ -651,7 +614,7 @@ impl<'a> Search<'a> {
         values: impl Iterator<Item = f64>,
     ) -> Result<Vec<(f64, f64)>, String> {
         let allowed = values.filter_map(|value| {
-            let settings = knob.set(&model.settings, &knob.literal(&model.settings, value))?;
+            let settings = knob.set_number(&model.settings, value)?;
             Some((value, self.quiet(settings)))
         });
         let mut allowed: Vec<(f64, SimSettings)> = allowed.collect();
@@ -672,9 +635,9 @@ impl<'a> Search<'a> {
         let ladder = parts.map(|part| value + part * knob.step / 8.0);
         let ladder = self.ladder(model, knob, ladder)?;
         let [low, high] = as_good(&ladder).unwrap_or([value; 2]);
-        let is_last = |end: f64, at: Option<&(f64, f64)>| at.is_some_and(|(last, _)| *last == end);
-        let low_end = (!is_last(low, ladder.first())).then_some(low);
-        Ok([low_end, (!is_last(high, ladder.last())).then_some(high)])
+        let [first, last] = [ladder.first(), ladder.last()].map(|end| end.map(|(end, _)| *end));
+        let ends = [(low, first), (high, last)];
+        Ok(ends.map(|(end, bound)| (Some(end) != bound).then_some(end)))
     }
 
     /// Columns of the numbers that were found: what a small change of each does.
@@ -688,12 +651,10 @@ impl<'a> Search<'a> {
             // So far that it is more than a digit of the wire.
             let (knob, step) = (&self.knobs[*at], self.knobs[*at].step);
             let value = knob.number_in(&model.settings);
-            let with = |step: f64| {
-                let literal = knob.literal(&model.settings, value + step);
-                Some((self.quiet(knob.set(&model.settings, &literal)?), step))
-            };
-            let fallback = || (self.quiet(model.settings.clone()), step);
-            changed.push(with(step).or_else(|| with(-step)).unwrap_or_else(fallback));
+            let with = |step: f64| Some((knob.set_number(&model.settings, value + step)?, step));
+            let (settings, step) = (with(step).or_else(|| with(-step)))
+                .unwrap_or_else(|| (model.settings.clone(), step));
+            changed.push((self.quiet(settings), step));
         }
         let jobs: Vec<_> = changed.iter().map(|(settings, _)| (settings, 0)).collect();
         let played = self.play(&jobs, Some(&model.quiet))?;
@@ -703,22 +664,6 @@ impl<'a> Search<'a> {
         let rows = columns.first().map_or(0, Vec::len);
         let matrix = DMatrix::from_iterator(rows, columns.len(), columns.into_iter().flatten());
         Ok((matrix, changed.iter().map(|(_, step)| *step).collect()))
-    }
-
-    /// Solves for the changes of numbers, in steps, that leave least.
-    fn solve(
-        matrix: &DMatrix<f64>,
-        rest: &[f64],
-        weights: &[f64],
-        damping: f64,
-    ) -> Option<DVector<f64>> {
-        let rest = rest.iter().zip(weights).map(|(rest, weight)| rest * weight);
-        let right = matrix.tr_mul(&DVector::from_iterator(weights.len(), rest));
-        Some(
-            Self::normal(matrix, weights, damping)
-                .cholesky()?
-                .solve(&right),
-        )
     }
 
     /// The normal matrix; what does nothing is held where it is.
@@ -744,16 +689,20 @@ impl<'a> Search<'a> {
                 None => self.jacobian(&model, numbers)?,
             };
             let (rest, weights) = self.rest(&model, &self.vehicle);
-            let Some(change) = Self::solve(&matrix, &rest, &weights, damping) else {
+            let rest = rest
+                .iter()
+                .zip(&weights)
+                .map(|(rest, weight)| rest * weight);
+            let right = matrix.tr_mul(&DVector::from_iterator(weights.len(), rest));
+            let Some(normal) = Self::normal(&matrix, &weights, damping).cholesky() else {
                 break;
             };
+            let change = normal.solve(&right);
             let mut settings = model.settings.clone();
             for ((at, step), change) in numbers.iter().zip(&steps).zip(change.iter()) {
                 let knob = &self.knobs[*at];
                 let value = knob.number_in(&settings) + step * change.clamp(-2.0, 2.0);
-                settings = knob
-                    .set(&settings, &knob.literal(&settings, value))
-                    .unwrap_or(settings);
+                settings = knob.set_number(&settings, value).unwrap_or(settings);
             }
             let next = self.moved(&model, settings)?;
             let before = self.cost(&model, false);
@@ -809,8 +758,15 @@ impl<'a> Search<'a> {
                 continue;
             }
             let mut or = Vec::new();
-            let mut best: Option<Model> = None;
-            for (part, trial) in self.instead(model, &without, own, saves, trials) {
+            let mut better: Option<Model> = None;
+            let literal = knob.literal_in(&model.settings);
+            let others = trials.iter().filter(|trial| {
+                (trial.knob != own || trial.step.is_none()) && trial.literal != literal
+            });
+            let mut instead = self.best(&without, others, AS_MUCH * saves);
+            let mut knobs = BTreeSet::new();
+            instead.retain(|(.., trial)| knobs.insert(trial.knob) || trial.knob == own);
+            for (_, part, trial) in instead.into_iter().take(MOST_INSTEAD) {
                 let Some(tried) = self.with(&without, trial, part)? else {
                     continue;
                 };
@@ -818,7 +774,7 @@ impl<'a> Search<'a> {
                 let tried = self.polish(tried, &numbers)?;
                 let more = self.gain(model, &tried);
                 if more > self.margin() && swaps > 0 {
-                    best = Some(tried);
+                    better = Some(tried);
                 } else if self.gain(&tried, model) < self.margin() {
                     or.push(match trial.knob == own {
                         true => format!("{}={}", knob.key, trial.literal),
@@ -826,15 +782,15 @@ impl<'a> Search<'a> {
                     });
                 }
             }
-            if let Some(best) = best {
+            if let Some(better) = better {
                 swaps -= 1;
                 found.clear();
-                *model = best;
+                *model = better;
                 continue;
             }
             found.push(Found {
                 knob: own,
-                literal: knob.literal_in(&model.settings),
+                literal,
                 number: None,
                 or,
                 left: self.left(&without, model),
@@ -844,56 +800,25 @@ impl<'a> Search<'a> {
         Ok(found)
     }
 
-    /// What promises to explain much of what a setting explains, the best value of each other setting.
-    fn instead<'t>(
-        &self,
-        model: &Model,
-        without: &Model,
-        own: usize,
-        saves: f64,
-        trials: &'t [Trial],
-    ) -> Vec<(f64, &'t Trial)> {
-        let others = trials.iter();
-        let others = others.filter(|trial| {
-            let is_other = trial.knob != own || trial.step.is_none();
-            is_other && trial.literal != self.knobs[own].literal_in(&model.settings)
-        });
-        let promised = others.map(|trial| (self.saves(without, trial), trial));
-        let mut best: Vec<_> = promised
-            .filter(|((promised, _), _)| *promised > AS_MUCH * saves)
-            .collect();
-        best.sort_by(|one, other| other.0.0.total_cmp(&one.0.0));
-        let mut knobs = BTreeSet::new();
-        best.retain(|(_, trial)| knobs.insert(trial.knob) || trial.knob == own);
-        best.truncate(MOST_INSTEAD);
-        best.into_iter()
-            .map(|((_, part), trial)| (part, trial))
-            .collect()
-    }
-
     /// Of all that the model does otherwise than another: the cost that is left beyond chance, and the most
     /// that chance leaves.
     fn left(&self, other: &Model, model: &Model) -> [f64; 2] {
-        let mut changes = Vec::new();
-        let mut wrong = 0;
-        for (at, slot) in self.slots(false) {
-            let [before, cell] = [other, model].map(|model| &model.cells[at][slot]);
-            let same = before.form == cell.form;
-            let value = |channel: usize| same.then(|| cell.mean[channel] - before.mean[channel]);
-            self.values(model, cell, value, &mut changes);
-            if self.saved_at(other, model, (at, slot)) != 0.0 {
-                let seen = self.vehicle[at][slot].as_ref();
-                wrong += cell.contradictions(seen, &model.layout);
-            }
-        }
+        let changes = self.values(model, |(at, slot), cell, channel| {
+            let before = &other.cells[at][slot];
+            (before.form == cell.form).then(|| cell.mean[channel] - before.mean[channel])
+        });
+        let touched = |at: &(usize, usize)| self.saved_at(other, model, *at) != 0.0;
+        let signs = self.slots(false).filter(touched).map(|(at, slot)| {
+            let seen = self.vehicle[at][slot].as_ref();
+            model.cells[at][slot].contradictions(seen, &model.layout)
+        });
+        let wrong: usize = signs.sum();
         let left = |seen: &[Seen]| -> (f64, f64) {
             let rest = self.rest(model, seen).0;
-            let touched = rest
-                .iter()
-                .zip(&changes)
-                .filter(|(_, change)| change.abs() > 0.5);
-            touched.fold((0.0, 0.0), |(sum, count), (rest, _)| {
-                (sum + cost(*rest), count + 1.0)
+            let all = rest.iter().zip(&changes);
+            let costs = all.map(|(rest, change)| (cost(*rest), f64::from(change.abs() > 0.5)));
+            costs.fold((0.0, 0.0), |(sum, count), (cost, is)| {
+                (sum + is * cost, count + is)
             })
         };
         let (of_vehicle, count) = left(&self.vehicle);
@@ -921,10 +846,10 @@ impl<'a> Search<'a> {
             let half = wide * variance.sqrt() * steps[at].abs();
             let value = knob.number_in(&model.settings);
             // It may show only in what is there or is not, or be lost in what the machine explains.
-            let ends = self.ends(model, knob)?;
-            let is_flat = matrix.column(at).amax() < 4.0 || ends.contains(&None);
+            let [low, high] = self.ends(model, knob)?;
+            let is_open = low.is_none() || high.is_none();
+            let is_flat = matrix.column(at).amax() < 4.0 || is_open;
             let between = if is_flat { knob.step / 8.0 } else { 0.0 };
-            let [low, high] = ends;
             let low = low.map(|low| (value - half).min(low) - between);
             let ends = [low, high.map(|high| (value + half).max(high) + between)];
             one.number = Some((value, ends));
@@ -942,11 +867,8 @@ impl<'a> Search<'a> {
                     low.is_some_and(|low| before < low) || high.is_some_and(|high| before > high)
                 });
                 let is_enough = enough || matches!(knob.basis, Basis::Assumed(_));
-                return match one.or.is_empty()
-                    && one.left[0] < one.left[1]
-                    && is_outside
-                    && is_enough
-                {
+                let is_explained = one.or.is_empty() && one.left[0] < one.left[1];
+                return match is_explained && is_outside && is_enough {
                     true => Verdict::Contradicted,
                     false => Verdict::NotDecided,
                 };
@@ -967,10 +889,6 @@ impl<'a> Search<'a> {
         };
         (0..self.knobs.len()).map(verdict).collect()
     }
-}
-
-fn product(one: &[f64], other: &[f64]) -> f64 {
-    one.iter().zip(other).map(|(one, other)| one * other).sum()
 }
 
 /// Of values and what each saves, the least and the greatest that save as much as the best.

@@ -275,7 +275,7 @@ fn campaign_of_single_changes() {
 
 /// Random vehicles with eight settings changed each; `VEHICLES=20..40` are others.
 #[test]
-#[ignore = "takes an hour; prints what is found"]
+#[ignore = "takes half an hour; prints what is found"]
 fn campaign_of_eight_changes() {
     let vehicles = std::env::var("VEHICLES").unwrap_or("0..10".to_owned());
     let (first, end) = vehicles.split_once("..").unwrap();
@@ -283,16 +283,6 @@ fn campaign_of_eight_changes() {
     for vehicle in first.parse().unwrap()..end.parse().unwrap() {
         let (changed, recordings) = vehicle_with_eight_changes(vehicle);
         let begun = std::time::Instant::now();
-        {
-            let search = Search::new(&recordings, with(&[]), &[]);
-            let truth = search.model(&changed).unwrap();
-            println!(
-                "TRUTH {}: {:.0} {:.0}",
-                config_words(&changed),
-                search.cost(&truth, false),
-                search.cost(&truth, true)
-            );
-        }
         let (search, findings) = search(&recordings, &[]);
         println!(
             "vehicle {vehicle}: held out {:.0?}, {:.0?}",
@@ -407,43 +397,4 @@ fn every_manoeuvre_of_every_plan_can_be_read_and_names_settings() {
         assert!(times.sum::<u64>() < 300_000);
     }
     assert!(Path::new("docs/examples/identify.py").exists());
-}
-
-#[test]
-#[ignore = "temporary"]
-fn sens() {
-    let t = std::time::Instant::now();
-    let rec = vec![drive(&[""], &with(&[]), 1000)];
-    println!("drive {:?} slots {}", t.elapsed(), rec[0].slots.len());
-    let search = Search::new(&rec, with(&[]), &[]);
-    let t = std::time::Instant::now();
-    let model = search.model(&with(&[])).unwrap();
-    println!("model of 6 {:?}; knobs {}", t.elapsed(), search.knobs.len());
-    let base = search.cost(&model, false);
-    println!("base cost {base}");
-    for knob in &search.knobs {
-        let mut values = knob.choices.clone();
-        values.retain(|one| *one != knob.default);
-        if knob.choices.is_empty() {
-            let value = knob.number_in(&with(&[]));
-            for part in [-1.3, 1.3] {
-                values.push(knob.literal(&with(&[]), value + part * knob.step));
-            }
-        }
-        for value in values {
-            let Some(changed) = knob.set(&with(&[]), &value) else {
-                continue;
-            };
-            let r = vec![drive(&[""], &changed, 1000)];
-            let s = Search::new(&r, with(&[]), &[]);
-            let cost = s.cost(&s.model(&with(&[])).unwrap(), false);
-            if (cost - base).abs() > 3.0 {
-                println!("SENS {} = {value}: {:.0}", knob.name(), cost - base);
-            }
-        }
-    }
-}
-
-fn config_words(s: &SimSettings) -> String {
-    crate::config::changed(s).join("; ")
 }
