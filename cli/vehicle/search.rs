@@ -841,15 +841,17 @@ impl<'a> Search<'a> {
                 continue;
             };
             let variance = covariance.as_ref().map_or(0.0, |all| all[(at, at)]);
-            // What is left may be due to another change, and its effect as that of this one.
-            let wide = WIDE + one.left[0].max(0.0).sqrt();
-            let half = wide * variance.sqrt() * steps[at].abs();
             let value = knob.number_in(&model.settings);
             // It may show only in what is there or is not, or be lost in what the machine explains.
             let [low, high] = self.ends(model, knob)?;
             let is_open = low.is_none() || high.is_none();
-            let is_flat = matrix.column(at).amax() < 4.0 || is_open;
-            let between = if is_flat { knob.step / 8.0 } else { 0.0 };
+            let [half, between] = if matrix.column(at).amax() < 4.0 || is_open {
+                [0.0, knob.step / 8.0]
+            } else {
+                // What is left may be due to another change, and its effect as that of this one.
+                let wide = WIDE + one.left[0].max(0.0).sqrt();
+                [wide * variance.sqrt() * steps[at].abs(), 0.0]
+            };
             let low = low.map(|low| (value - half).min(low) - between);
             let ends = [low, high.map(|high| (value + half).max(high) + between)];
             one.number = Some((value, ends));

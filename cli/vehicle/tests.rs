@@ -188,7 +188,7 @@ fn what_has_no_end_is_no_value_that_is_written() {
     // Longer than any silence of the drive, and between two of them.
     for (truth, is_closed) in [("20s", false), ("3500ms", true)] {
         let change = format!("r150.heartbeat_timeout={truth}");
-        let recordings = [drive(&["rails"], &with(&[change.clone()]), 77)];
+        let recordings = [drive(&["rails"], &with(std::slice::from_ref(&change)), 77)];
         let (search, findings) = search(&recordings, &["r150.heartbeat_timeout"]);
         let claims = claims(&search, &findings);
         let [(_, _, Some((_, [Some(low), high])), _)] = &*claims else {
@@ -258,7 +258,7 @@ fn campaign_of_single_changes() {
             if knob.set(&with(&[]), &value).is_none() {
                 continue;
             }
-            let recordings = [drive(&[""], &with(&[change.clone()]), 99)];
+            let recordings = [drive(&[""], &with(std::slice::from_ref(&change)), 99)];
             let (search, findings) = search(&recordings, &[]);
             let result = match judge(&change, &search, &findings, 0.1) {
                 Ok(error) => format!("found, error {:.2} %", 100.0 * error),
