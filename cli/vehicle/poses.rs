@@ -10,7 +10,6 @@ use rigsim_core::message::{FieldInfo, Sender};
 use rigsim_runner::Run;
 use rigsim_runner::trace::Onlooker;
 
-use super::recording::Reply;
 use crate::patient_file::PatientFile;
 
 const COLUMNS: [&str; 4] = ["seconds", "x_m", "y_m", "heading_deg"];
@@ -31,7 +30,7 @@ const LEVER: f64 = 0.5;
 /// Time in s, x and y in m, and the heading in rad, which goes on beyond a turn.
 pub(super) type TimedPose = [f64; 4];
 
-static POSE: MessageInfo = MessageInfo::new(
+pub(super) static POSE: MessageInfo = MessageInfo::new(
     Sender::Device,
     0,
     &[
@@ -132,8 +131,9 @@ fn speed([from, to]: [&TimedPose; 2]) -> f64 {
     ahead / (to[0] - from[0]).max(1e-9)
 }
 
-/// The poses as replies, seen from the mean of the first `still` of them, at which the vehicle stands.
-pub(super) fn replies(poses: &[TimedPose], still: usize) -> impl Iterator<Item = Reply> {
+/// The values of the fields of [`POSE`] on the wire, seen from the mean of the first `still` poses, at which the
+/// vehicle stands.
+pub(super) fn on_wire(poses: &[TimedPose], still: usize) -> impl Iterator<Item = Vec<f64>> {
     let still = &poses[..still.max(1).min(poses.len())];
     let mean = |at: usize| still.iter().map(|pose| pose[at]).sum::<f64>() / still.len() as f64;
     let [x, y, heading] = [1, 2, 3].map(mean);
@@ -146,15 +146,10 @@ pub(super) fn replies(poses: &[TimedPose], still: usize) -> impl Iterator<Item =
             (pose[3] - heading).to_degrees(),
             speed([&poses[at.saturating_sub(1)], pose]),
         ];
-        let on_wire = values.iter().zip(POSE.fields);
-        let on_wire = on_wire.map(|(value, field)| value * f64::from(field.per));
-        Reply {
-            at: 0,
-            bytes: Vec::new(),
-            form: (POSE.name, None, 0),
-            info: Some(&POSE),
-            values: std::iter::once(0.0).chain(on_wire).collect(),
-        }
+        let values = values.iter().zip(POSE.fields);
+        values
+            .map(|(value, field)| value * f64::from(field.per))
+            .collect()
     })
 }
 
@@ -204,9 +199,9 @@ pub(super) fn offset(file: &[TimedPose], model: &[TimedPose]) -> Option<f64> {
     (least < 0.5 * motion.sum::<f64>()).then_some(centre)
 }
 
-/// A reply that is a pose, in words.
-pub(super) fn show(reply: &Reply) -> String {
-    let fields = POSE.fields.iter().zip(&reply.values[1..]);
+/// A pose by its values on the wire, in words.
+pub(super) fn show(on_wire: &[f64]) -> String {
+    let fields = POSE.fields.iter().zip(on_wire);
     let field = |(field, value): (&FieldInfo, &f64)| {
         let value = value / f64::from(field.per);
         format!("{} {value:.3} {}", field.name, field.unit)

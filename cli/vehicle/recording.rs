@@ -12,7 +12,7 @@ use rigsim_core::message::{FieldInfo, Sender, WireType};
 use rigsim_core::settings::SimSettings;
 use rigsim_runner::trace::{Header, Record, Replay, Sent};
 
-use super::poses::{self, TimedPose, Track};
+use super::poses::{self, POSE, TimedPose, Track};
 use crate::config;
 use crate::exit::Failure;
 use crate::print::complain;
@@ -92,6 +92,19 @@ pub(super) struct Reply {
     pub(super) info: Option<&'static MessageInfo>,
     /// Time to reply in ms, then the values of [`channels`].
     pub(super) values: Vec<f64>,
+}
+
+impl Reply {
+    /// A pose, by its values on the wire.
+    fn of_pose(on_wire: Vec<f64>) -> Self {
+        Self {
+            at: 0,
+            bytes: Vec::new(),
+            form: (POSE.name, None, 0),
+            info: Some(&POSE),
+            values: std::iter::once(0.0).chain(on_wire).collect(),
+        }
+    }
 }
 
 /// One value of a message.
@@ -332,7 +345,7 @@ impl Recording {
             .zip(self.seen.drain(..));
         let new = slots
             .into_iter()
-            .zip(poses::replies(&poses, still).map(Some));
+            .zip(poses::on_wire(&poses, still).map(|pose| Some(Reply::of_pose(pose))));
         let mut all: Vec<(Slot, Option<Reply>)> = known.chain(new).collect();
         all.sort_by_key(|(slot, _)| slot.at);
         (self.slots, self.seen) = all.into_iter().unzip();
@@ -351,8 +364,8 @@ impl Recording {
             .iter()
             .zip(&mut seen)
             .filter(|(slot, _)| slot.is_pose());
-        for ((_, seen), reply) in poses.zip(poses::replies(&track, 1)) {
-            *seen = Some(reply);
+        for ((_, seen), pose) in poses.zip(poses::on_wire(&track, 1)) {
+            *seen = Some(Reply::of_pose(pose));
         }
         Ok(seen)
     }

@@ -392,7 +392,7 @@ fn shown(search: &Search<'_>, findings: &Findings, found: &Found) -> String {
     let (at, slot) = found.shown_by;
     let recording = &search.recordings[at];
     let reply = |reply: Option<&Reply>| match reply {
-        Some(reply) if recording.slots[slot].is_pose() => poses::show(reply),
+        Some(reply) if recording.slots[slot].is_pose() => poses::show(&reply.values[1..]),
         Some(reply) => format!("{} after {:.1} ms", Hex(&reply.bytes), reply.values[0]),
         None => "nothing".to_owned(),
     };
