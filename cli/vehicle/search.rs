@@ -75,13 +75,13 @@ pub(super) struct Model {
     pub(super) layout: Layout,
 }
 
-/// A changed value of a setting, and what the model does by it with the first seed.
+/// A changed value of a setting, and what the model does by it without noise.
 struct Trial {
     knob: usize,
     literal: String,
     /// By how much a number differs.
     step: Option<f64>,
-    /// What the model does without and with it, by the same chance.
+    /// What the model does without and with it.
     from: Play,
     to: Play,
     /// Set if it changes more than chance does.
