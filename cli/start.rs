@@ -144,12 +144,7 @@ impl Session {
             server
                 .wake_from(&requests.control)
                 .map_err(Failure::system)?;
-            announce_control(
-                &log,
-                requests,
-                args.control
-                    .is_some_and(|listen| !listen.ip().is_loopback()),
-            );
+            announce_control(&log, requests);
         }
         let trace = args.trace.clone().map(TraceFile::create).transpose();
         let trace = trace.map_err(Failure::usage)?;
@@ -231,7 +226,9 @@ impl Session {
 }
 
 /// Says where the simulator is controlled, and warns if others can reach that.
-fn announce_control(log: &Log, requests: &RequestQueue, is_public: bool) {
+/// Prints the URL of the control socket.
+pub(crate) fn announce_control(log: &Log, requests: &RequestQueue) {
+    let is_public = requests.control.is_public();
     log.text(match log.options.format {
         LogFormat::Text => {
             let mut text = format!("  control on {}", requests.control.url());

@@ -4,6 +4,7 @@ mod capture;
 mod compare;
 mod guide;
 mod knob;
+mod live;
 mod model;
 mod page;
 mod plan;

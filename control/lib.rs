@@ -214,6 +214,12 @@ impl Control {
         format!("http://{address}/#token={token}")
     }
 
+    /// Returns whether other machines can reach it.
+    #[must_use]
+    pub fn is_public(&self) -> bool {
+        !self.shared.guard.address.ip().is_loopback()
+    }
+
     /// The next request. Never waits.
     pub fn poll(&self) -> Option<Request> {
         self.requests.try_recv().ok()

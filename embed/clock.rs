@@ -23,7 +23,8 @@ pub struct Clock {
 
 impl Clock {
     /// Simulated time begins now.
-    pub(crate) fn start(speed: f64) -> Self {
+    #[must_use]
+    pub fn start(speed: f64) -> Self {
         Self {
             base: SimTime::ZERO,
             start: Instant::now(),
@@ -81,7 +82,9 @@ impl Clock {
         }
     }
 
-    pub(crate) fn now(&self) -> SimTime {
+    /// Simulated time by now.
+    #[must_use]
+    pub fn now(&self) -> SimTime {
         if self.stopped {
             return self.base;
         }

@@ -166,6 +166,8 @@ pub struct Run {
     /// time is the run's.
     follows_bytes: bool,
     events: Newest<Event>,
+    /// Set if the replies are those of real devices.
+    observed: bool,
     failures: Failures,
     limit: SimTime,
     outcome: Option<Outcome>,
@@ -229,6 +231,7 @@ impl Run {
             recorder,
             follows_bytes: options.trace || !options.live || scenario.scripted.contains(&true),
             events: Newest::new(MOST_EVENTS),
+            observed: false,
             failures: Failures {
                 list: Vec::new(),
                 more: 0,

@@ -281,6 +281,47 @@ fn the_line_is_set_as_the_client_sets_it_and_traffic_is_put_into_words() {
 }
 
 #[test]
+fn the_page_shows_what_the_vehicle_replies_and_a_model_that_the_client_drives() {
+    let dir = tempfile::tempdir().unwrap();
+    let charge = ["--set", "r150.battery.initial_soc=37 %"];
+    let vehicle = Sim::start_at(&dir.path().join("vehicle"), &charge);
+    let tap = tap(&dir, &["--control", "127.0.0.1:0"]);
+    let line = tap.wait_line(&["control on"]);
+    let url = line.trim().trim_start_matches("control on ").to_owned();
+    let get = |names: &[&str]| -> Vec<f64> {
+        let out = run(&[&["ctl", "--url", &url, "get"], names].concat()).expect_clean();
+        let value = |line: &str| line.split_whitespace().last()?.parse().ok();
+        let values: Option<Vec<f64>> = out.out.lines().map(value).collect();
+        values.unwrap_or_else(|| panic!("{}", out.out))
+    };
+    let mut client = tap.client();
+    let mut asked = 0.0;
+    until("the model has driven", || {
+        let reply = client.ask(0x12, &[0xE8, 0x03, 0xE8, 0x03]);
+        assert_eq!(u16::from_le_bytes([reply[4], reply[5]]) / 10, 37);
+        asked += 1.0;
+        std::thread::sleep(Duration::from_millis(60));
+        get(&["truth.distance_m"])[0] > 0.2
+    });
+    until("all that passed has been shown", || {
+        get(&["count.replies"]) == [asked]
+    });
+    // The model has the usual charge, which no reply of the vehicle's says.
+    let shown = get(&["reported.soc_percent", "truth.soc_percent"]);
+    assert!(
+        (36.0..=37.0).contains(&shown[0]) && shown[1] > 79.0,
+        "{shown:?}"
+    );
+    vehicle.stop().expect_clean();
+    tap.wait_line(&["[vehicle_gone]"]);
+    until("the client is known to have lost its port", || {
+        let get = ["ctl", "--url", &url, "get", "client.attached"];
+        run(&get).expect_clean().out.contains("false")
+    });
+    tap.stop().expect_clean();
+}
+
+#[test]
 fn both_links_of_a_car_pass() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();

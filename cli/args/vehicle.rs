@@ -1,5 +1,6 @@
 //! Flags of the subcommands that work with a real vehicle.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -61,6 +62,10 @@ pub(crate) struct TapArgs {
     /// Print every request and reply, in words and hex.
     #[arg(short, long)]
     pub(crate) verbose: bool,
+    /// Serve the page, and `sim ctl`, over HTTP at ADDRESS, as `sim --control` does. Replies and reported values
+    /// are the vehicle's. All else is of a model that gets what the client sends.
+    #[arg(long, value_name = "ADDRESS", value_parser = rigsim_control::listen, conflicts_with_all = ["csv", "pcap"])]
+    pub(crate) control: Option<SocketAddr>,
     /// Output format of events.
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,

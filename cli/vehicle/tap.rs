@@ -18,6 +18,7 @@ use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 use serde_json::json;
 
 use super::guide::Guide;
+use super::live::{Live, Piece};
 use super::{capture, end, header, plan, plan_of};
 use crate::args::TapArgs;
 use crate::config;
@@ -119,11 +120,17 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
     let mut trace = TraceFile::create(args.trace.clone()).map_err(Failure::usage)?;
     trace.record(&Record::Header(Box::new(header(&plan))));
     let ports: Vec<String> = links.iter().map(Link::client_path).collect();
+    let paths = ports.iter().map(PathBuf::from).collect();
+    let live = args
+        .control
+        .map(|listen| Live::start(listen, plan, paths, &log));
+    let live = live.transpose()?;
     log.text(match args.log_format {
         LogFormat::Text => format!("  between {} and the vehicle\nready", ports.join(", ")),
         LogFormat::Json => visible::json(&json!({"code": "ready", "ports": ports})),
     });
     let mut out = Out {
+        live,
         log,
         trace,
         start: Instant::now(),
@@ -174,6 +181,7 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
     let [to_vehicle, to_client] =
         [0, 1].map(|way| links.iter().map(|link| link.passed[way]).sum::<u64>());
     drop(links);
+    out.live = None;
     let missing = out.guide.as_ref().map(Guide::missing);
     let last = match out.log.options.format {
         LogFormat::Text => {
@@ -195,6 +203,7 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
 /// Log and recording.
 struct Out {
     log: Log,
+    live: Option<Live>,
     trace: TraceFile,
     start: Instant,
     /// Set if the client performs the plan.
@@ -205,6 +214,13 @@ impl Out {
     /// Time since the beginning, ns.
     fn now(&self) -> u64 {
         u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    }
+
+    fn record(&mut self, record: Record) {
+        self.trace.record(&record);
+        if let Some(live) = &mut self.live {
+            live.show(Piece::Record(record));
+        }
     }
 
     /// Writes down that the machine gave no time for so long: what was dated then may be older.
@@ -245,7 +261,11 @@ impl Out {
             code: code.as_str().into(),
             text: text.clone(),
         });
-        self.event(t, EventKind::new(code, text));
+        let kind = EventKind::new(code, text);
+        if let Some(live) = &mut self.live {
+            live.show(Piece::Event(t, kind.clone()));
+        }
+        self.event(t, kind);
     }
 }
 
@@ -353,7 +373,7 @@ impl Link {
                 PortEvent::Idle => break,
                 PortEvent::Attached => {
                     self.line = None;
-                    out.trace.record(&Record::Attach { t, port });
+                    out.record(Record::Attach { t, port });
                     self.tell(out, t, LineEvent::Attached);
                     if self.vehicle.is_none() {
                         let mut vehicle =
@@ -374,7 +394,7 @@ impl Link {
                 }
                 PortEvent::Detached => {
                     self.waiting[1].clear();
-                    out.trace.record(&Record::Detach { t, port });
+                    out.record(Record::Detach { t, port });
                     self.tell(out, t, LineEvent::Detached);
                 }
             }
@@ -436,7 +456,7 @@ impl Link {
             return Ok(());
         };
         let (t, port) = (out.now(), PortRecord(0, self.index));
-        out.trace.record(&Record::Line { t, port, line });
+        out.record(Record::Line { t, port, line });
         if line.parity {
             self.tell(out, t, LineEvent::Parity);
         }
@@ -452,7 +472,7 @@ impl Link {
         let port = PortRecord(0, self.index);
         for bytes in bytes.chunks(MOST_BYTES) {
             let bytes = Hexed(bytes.to_vec());
-            out.trace.record(&match sender {
+            out.record(match sender {
                 Sender::Client => Record::In { t, port, bytes },
                 Sender::Device => Record::Out {
                     t,
@@ -472,8 +492,7 @@ impl Link {
                     Sender::Client => code::REQUEST,
                     Sender::Device => code::REPLY,
                 };
-                let passed = EventKind::new(code, frame.show());
-                out.event(t, passed.with(self.index, frame.bytes));
+                out.event(t, frame.event(code, self.index));
             }
         }
     }
@@ -483,7 +502,7 @@ impl Link {
     fn lose(&mut self, error: &PortError, out: &mut Out) {
         let (t, port) = (out.now(), PortRecord(0, self.index));
         if self.is_attached() {
-            out.trace.record(&Record::Detach { t, port });
+            out.record(Record::Detach { t, port });
         }
         (self.client, self.vehicle, self.line) = (None, None, None);
         self.waiting.iter_mut().for_each(VecDeque::clear);

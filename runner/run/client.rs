@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use rigsim_core::SimTime;
+use rigsim_core::event::{Event, EventKind};
 use rigsim_core::line::{ClientLine, LineEvent};
 use rigsim_core::rig::PortId;
 
@@ -91,6 +92,28 @@ impl Run {
     /// The client has set the modem lines of its end, at the present time.
     pub fn set_modem_lines(&mut self, port: PortId, dtr: bool, rts: bool) {
         self.rig.tell(port, LineEvent::ModemLines { dtr, rts });
+    }
+
+    /// The devices stand for real ones: only replies that are [observed](Self::observe) count.
+    pub fn stand_in(&mut self) {
+        self.observed = true;
+    }
+
+    /// Something happened at the real device for which this one stands.
+    ///
+    /// # Errors
+    /// When the simulation cannot go on.
+    pub fn observe(
+        &mut self,
+        device: usize,
+        now: SimTime,
+        kind: EventKind,
+    ) -> Result<(), RunError> {
+        if let Some(at) = self.go_before(now)? {
+            self.instant(at, |_| {})?;
+            self.note(Event { at, device, kind });
+        }
+        Ok(())
     }
 
     /// Makes [`step`](Self::step) stop at every byte that arrives, so that a client gets it then.

@@ -1,7 +1,7 @@
 //! One instant of a run, and when the next one is.
 
 use rigsim_core::SimTime;
-use rigsim_core::event::Level;
+use rigsim_core::event::{Event, Level, Role};
 use rigsim_core::rig::Rig;
 
 use super::record::Record;
@@ -90,23 +90,30 @@ impl Run {
                     self.read_port(index, event.at);
                 }
             }
-            let excused = self.is_excused(&event);
-            let distance = self.rig.distance_m(event.device);
-            if let Some(counters) = self.counters.get_mut(event.device) {
-                counters.note(&event, distance, excused);
+            if !self.observed || event.kind.role() != Role::Reply {
+                self.note(event);
             }
-            if event.kind.level() != Level::Traffic {
-                self.record(|| Record::Event {
-                    t: event.at.as_nanos(),
-                    device: event.device,
-                    code: event.kind.code().as_str().into(),
-                    text: event.kind.to_string(),
-                });
-            }
-            self.failures.recent.push(event.clone());
-            self.events.push(event);
         }
         any
+    }
+
+    /// Takes note of an event.
+    pub(super) fn note(&mut self, event: Event) {
+        let excused = self.is_excused(&event);
+        let distance = self.rig.distance_m(event.device);
+        if let Some(counters) = self.counters.get_mut(event.device) {
+            counters.note(&event, distance, excused);
+        }
+        if event.kind.level() != Level::Traffic {
+            self.record(|| Record::Event {
+                t: event.at.as_nanos(),
+                device: event.device,
+                code: event.kind.code().as_str().into(),
+                text: event.kind.to_string(),
+            });
+        }
+        self.failures.recent.push(event.clone());
+        self.events.push(event);
     }
 
     /// Takes what has arrived at the clients' ends.

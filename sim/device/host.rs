@@ -8,6 +8,7 @@ use toml::Spanned;
 use toml::de::DeValue;
 
 use super::{DeviceSettings, DeviceSpec};
+use crate::event::{Code, EventKind};
 pub use crate::message::{Field, Fields, MessageInfo, Sender};
 use crate::scanner::{Decoded, Form, Scanner};
 
@@ -186,11 +187,26 @@ impl Frame {
     /// It in words.
     #[must_use]
     pub fn show(&self) -> String {
+        let fields = self.message.as_ref();
+        let fields = fields.map(|(info, payload)| info.show(payload).to_string());
+        format!("{}{}", self.name(), fields.unwrap_or_default())
+    }
+
+    /// Command and name.
+    fn name(&self) -> String {
         let command = self.command.map(|command| format!("0x{command:02X} "));
-        let command = command.unwrap_or_default();
-        match &self.message {
-            Some((info, payload)) => format!("{command}{}{}", info.name, info.show(payload)),
-            None => format!("{command}bytes that are no message"),
+        let name = self.message.as_ref().map(|(info, _)| info.name);
+        let name = name.unwrap_or("bytes that are no message");
+        format!("{}{name}", command.unwrap_or_default())
+    }
+
+    /// It as an event of a link.
+    #[must_use]
+    pub fn event(self, code: Code, link: usize) -> EventKind {
+        let event = EventKind::new(code, self.name());
+        match self.message {
+            Some((info, payload)) => event.saying(info, payload, self.bytes),
+            None => event.with(link, self.bytes),
         }
     }
 }
