@@ -28,7 +28,7 @@ use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcseta
 
 const JSON: [&str; 2] = ["--log-format", "json"];
 /// Handovers of each kind without the variable.
-const FEW: u32 = 60;
+const FEW: u32 = 40;
 
 /// What one client does before the next comes.
 type Visit = fn(&Path);
