@@ -2,11 +2,14 @@
 """The bench of `sim hunt`: how many runs it takes to find the bugs of bugs.toml.
 
     benches/hunt/bench.py SIM [NAME...] [--half development|held-out|all] [--seeds N] [--runs N] [--stages STAGES]
+                          [--results FILE]
 
 Needs a C compiler. Every bug is seeded in a client that is careful otherwise, and that client is the reference: a
 finding counts where the client with the bug breaks a rule that the one without it keeps. `--stages random` is
 the baseline: random schedules of the same space. Prints a line for each bug and seed, and a table by class. Every bug
 is hunted with one seed before any with the next; after `--minutes` no hunt begins, and the table is of those before.
+With `--results`, each result is added to the file, and what is there already is not hunted again: hundreds of hunts take
+days. The file is to be removed when the search has changed.
 """
 import argparse
 import json
@@ -34,8 +37,20 @@ def fits(kinds, noted):
 
 def hunt(options, folder, bug, seed):
     """Hunts one bug in time; returns the run of its finding or None, and whether that is as small as noted."""
+    key = [options.stages or "all", bug["client"], bug["name"], seed, options.runs]
+    if str(key) in options.known:
+        return options.known[str(key)]
     if time.monotonic() > options.until:
         return None
+    result = hunted(options, folder, bug, seed)
+    if options.results:
+        with options.results.open("a") as file:
+            file.write(json.dumps(key + list(result)) + "\n")
+    return result
+
+
+def hunted(options, folder, bug, seed):
+    """The same of one that is not known."""
     client, output = folder / bug["client"], folder / f"{bug['client']}-{bug['name']}-{seed}"
     command = [options.sim, "hunt", "--runs", str(options.runs), "--seed", str(seed), "-j", "1", "--fail-fast"]
     command += ["--shrink-runs", str(options.shrink_runs), "--reference", f"exec {client} none", "--output", output]
@@ -67,7 +82,10 @@ def main():
     parser.add_argument("--stages")
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--at-once", type=int, default=2)
+    parser.add_argument("--results", type=Path)
     options = parser.parse_args()
+    lines = options.results.read_text().splitlines() if options.results and options.results.exists() else []
+    options.known = {str(line[:-2]): tuple(line[-2:]) for line in map(json.loads, lines)}
     options.sim = options.sim.resolve()
     options.until = time.monotonic() + 60 * options.minutes
     bugs = tomllib.loads((HERE / "bugs.toml").read_text())["bug"]
