@@ -1,6 +1,9 @@
 /* Cost of a bare stop: a syscall that a seccomp filter hands to a tracer, which resumes the thread at once.
  *
- *     cc -O2 -o bare_stop benches/bare_stop.c && ./bare_stop
+ *     cc -O2 -o bare_stop benches/bare_stop.c && ./bare_stop && ./bare_stop switched
+ *
+ * `switched`: of a thread whose time stamp counter is not readable, as that of a client in lockstep. The kernel
+ * switches it each time that another thread runs.
  */
 #define _GNU_SOURCE
 #include <linux/filter.h>
@@ -9,6 +12,7 @@
 #include <signal.h>
 #include <stddef.h>
 #include <stdio.h>
+#include <string.h>
 #include <sys/prctl.h>
 #include <sys/ptrace.h>
 #include <sys/syscall.h>
@@ -18,7 +22,7 @@
 
 #define COUNT 200000
 
-static void client(void) {
+static void client(int switched) {
     struct sock_filter code[] = {
         {BPF_LD | BPF_W | BPF_ABS, 0, 0, offsetof(struct seccomp_data, nr)},
         {BPF_JMP | BPF_JEQ | BPF_K, 0, 1, SYS_getppid},
@@ -26,6 +30,8 @@ static void client(void) {
         {BPF_RET | BPF_K, 0, 0, SECCOMP_RET_ALLOW},
     };
     struct sock_fprog filter = {sizeof code / sizeof *code, code};
+    if (switched)
+        prctl(PR_SET_TSC, PR_TSC_SIGSEGV);
     ptrace(PTRACE_TRACEME, 0, 0, 0);
     raise(SIGSTOP);
     prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
@@ -35,14 +41,15 @@ static void client(void) {
     _exit(0);
 }
 
-int main(void) {
+int main(int count, char **words) {
+    int switched = count > 1 && strcmp(words[1], "switched") == 0;
     cpu_set_t one;
     CPU_ZERO(&one);
     CPU_SET(sched_getcpu(), &one);
     sched_setaffinity(0, sizeof one, &one);
     pid_t pid = fork();
     if (pid == 0)
-        client();
+        client(switched);
     int status;
     waitpid(pid, &status, 0);
     ptrace(PTRACE_SETOPTIONS, pid, 0, PTRACE_O_TRACESECCOMP | PTRACE_O_EXITKILL);
