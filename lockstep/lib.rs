@@ -73,7 +73,8 @@ pub struct Options<'a> {
 /// World at the other end of the ports.
 ///
 /// Times are nanoseconds since the program began. What happens to one port is reported in the order in
-/// which it happens. All of it fails when the world has broken down; that ends the run.
+/// which it happens. All of it fails when the world has broken down; that ends the run. It may start threads,
+/// and no programs: those would not be able to read the time stamp counter.
 pub trait World {
     /// A client opened a port that no other had open.
     fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken>;

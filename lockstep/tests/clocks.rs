@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{c, c_played, play, text};
+use std::time::Instant;
+
+use common::{Device, Stage, c, c_played, play, play_on, text};
 use rigsim_lockstep::End;
 
 /// What the clocks show by the functions of the C library and by calls of the system, in all the
@@ -151,4 +153,25 @@ int main(void) {
         "{:?}",
         played.ending
     );
+}
+
+/// A tracer cannot read the time stamp counter while clients run, unless it does.
+#[test]
+fn the_world_reads_clocks_and_starts_threads_that_do() {
+    fn besides() {
+        let begun = Instant::now();
+        let thread = std::thread::spawn(move || begun.elapsed());
+        thread.join().expect("it reads the clock");
+    }
+    let stage = Stage {
+        device: Device {
+            besides: Some(besides),
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let sleeps = "for i in 1 2 3 4 5; do sleep 1; done";
+    let played = play_on(stage, &["sh", "-c", sleeps]).expect("it can be run");
+    assert_eq!(played.ending.end, End::Exited(0), "{:?}", played.ending);
+    assert!(played.ending.at > 5_000_000_000, "{:?}", played.ending);
 }

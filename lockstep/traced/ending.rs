@@ -23,10 +23,11 @@ impl Tracer<'_> {
             return true;
         }
         // It is asked often, and costs a syscall for each process.
-        if !self.limits.is_over && self.limits.checked.elapsed() >= TICK {
-            self.limits.checked = Instant::now();
+        let now = sys::coarse_time();
+        if !self.limits.is_over && now.saturating_sub(self.limits.checked) >= TICK {
+            self.limits.checked = now;
             let until = self.options.until;
-            let real = until.is_some_and(|until| self.limits.checked >= until);
+            let real = until.is_some_and(|until| Instant::now() >= until);
             let used = self.used_time();
             self.limits.is_over = real || self.options.allowed.is_some_and(|most| used >= most);
             if self.limits.is_over && self.reason.is_none() {

@@ -14,7 +14,7 @@ pub(crate) struct Limits {
     pub(crate) used: Duration,
     /// Processor time of this thread at the beginning.
     pub(crate) begun: Duration,
-    pub(crate) checked: Instant,
+    pub(crate) checked: Duration,
     pub(crate) is_over: bool,
 }
 
@@ -25,7 +25,7 @@ impl Limits {
             paced: None,
             used: Duration::ZERO,
             begun: own_processor_time(),
-            checked: Instant::now(),
+            checked: sys::coarse_time(),
             is_over: false,
         }
     }

@@ -9,6 +9,8 @@
 
 #[path = "sys/child.rs"]
 pub(crate) mod child;
+#[path = "sys/counter.rs"]
+pub(crate) mod counter;
 
 use std::io;
 use std::mem::MaybeUninit;
@@ -16,6 +18,7 @@ use std::ptr;
 use std::time::Duration;
 
 use rustix::process::{self, Pid, Signal, WaitOptions};
+use rustix::time::{ClockId, clock_gettime};
 
 /// The number of a thread, as the system knows it.
 pub(crate) type Tid = libc::pid_t;
@@ -109,6 +112,9 @@ pub(crate) fn wait(one: Option<Tid>, block: bool) -> io::Result<Option<(Tid, i32
     let options = (libc::__WALL | libc::__WNOTHREAD).cast_unsigned();
     let mut options = WaitOptions::from_bits_retain(options);
     options.set(WaitOptions::NOHANG, !block);
+    if block {
+        counter::hide();
+    }
     let found = match one {
         Some(tid) => process::waitpid(Pid::from_raw(tid), options),
         None => process::wait(options),
@@ -209,6 +215,12 @@ pub(crate) fn queue_timer_signal(
 /// The clock of a process's processor time, as the kernel numbers them (`CPUCLOCK_SCHED`).
 pub(crate) fn clock_of_process(pid: Tid) -> libc::clockid_t {
     !pid << 3 | 2
+}
+
+/// Time of a clock that goes by milliseconds, which the system reads without the [`counter`].
+pub(crate) fn coarse_time() -> Duration {
+    let now = clock_gettime(ClockId::MonotonicCoarse);
+    Duration::try_from(now).unwrap_or_default()
 }
 
 /// Time that a clock of processor time shows; `None` if what it is of has gone.

@@ -15,6 +15,7 @@ use crate::traced::one_processor::Lists;
 use crate::traced::passage::Passage;
 use crate::traced::processor::Processor;
 use crate::traced::spawn::{self, Starting};
+use crate::traced::sys::counter::Counter;
 use crate::traced::sys::{Ticks, Tid};
 use crate::traced::syscall::Halt;
 use crate::traced::timers::Timers;
@@ -96,9 +97,10 @@ pub fn run(
     })?;
     let mut starting = spawn::start(&program, options.seed.is_some())?;
     let mut tracer = Tracer::new(options, ports, world, &starting)?;
+    let counter = Counter::of_tracer();
     let outcome = tracer.go_to_the_end();
     tracer.kill_all();
-    drop(ticks);
+    drop((ticks, counter));
     if let Some(error) = starting.failure() {
         return Err(error);
     }

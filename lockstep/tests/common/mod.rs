@@ -44,6 +44,8 @@ pub struct Device {
     pub kept_end: Option<OwnedFd>,
     /// Real time in which the machine does nothing for it, each time something happens.
     pub stalls: Duration,
+    /// What it does besides, each time that something happens.
+    pub besides: Option<fn()>,
     /// Bytes that there is room for at a time; all of them if that is 0.
     pub room: usize,
     /// Everything that has happened.
@@ -117,6 +119,9 @@ impl World for Device {
             return Ok(Step::Never);
         };
         std::thread::sleep(self.stalls);
+        if let Some(besides) = self.besides {
+            besides();
+        }
         let next = next.max(now);
         if next >= END {
             return Ok(Step::Over);
