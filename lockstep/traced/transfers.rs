@@ -167,23 +167,21 @@ impl Tracer<'_> {
         descriptor: &Rc<Descriptor>,
     ) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
-        let (send, write) = (libc::SYS_sendto, libc::SYS_write);
         let no_wait = u64::from(libc::MSG_DONTWAIT.unsigned_abs());
         let no_splice_wait = u64::from(libc::SPLICE_F_NONBLOCK);
-        // What it waits for, whether it is not to wait, and the syscall that writes the rest of a long write.
-        let (flags, at_once, rest) = match call {
-            Syscall::Write | Syscall::Writev => (PollFlags::OUT, 0, Some((write, 0))),
-            Syscall::Sendto => (PollFlags::OUT, a[3] & no_wait, Some((send, a[3]))),
-            Syscall::Sendmsg => (PollFlags::OUT, a[2] & no_wait, Some((send, a[2]))),
-            Syscall::Sendmmsg => (PollFlags::OUT, a[3] & no_wait, None),
-            Syscall::Recvfrom | Syscall::Recvmmsg => (PollFlags::IN, a[3] & no_wait, None),
-            Syscall::Recvmsg => (PollFlags::IN, a[2] & no_wait, None),
+        // What it waits for, and whether it is not to wait.
+        let (flags, at_once) = match call {
+            Syscall::Write | Syscall::Writev => (PollFlags::OUT, 0),
+            Syscall::Sendto | Syscall::Sendmmsg => (PollFlags::OUT, a[3] & no_wait),
+            Syscall::Sendmsg => (PollFlags::OUT, a[2] & no_wait),
+            Syscall::Recvfrom | Syscall::Recvmmsg => (PollFlags::IN, a[3] & no_wait),
+            Syscall::Recvmsg => (PollFlags::IN, a[2] & no_wait),
             Syscall::Vmsplice if descriptor.is_for_writing() => {
-                (PollFlags::OUT, a[3] & no_splice_wait, None)
+                (PollFlags::OUT, a[3] & no_splice_wait)
             }
-            Syscall::Vmsplice | Syscall::Tee => (PollFlags::IN, a[3] & no_splice_wait, None),
-            Syscall::Splice | Syscall::Sendfile | Syscall::MqTimedsend => (PollFlags::OUT, 0, None),
-            _ => (PollFlags::IN, 0, None),
+            Syscall::Vmsplice | Syscall::Tee => (PollFlags::IN, a[3] & no_splice_wait),
+            Syscall::Splice | Syscall::Sendfile | Syscall::MqTimedsend => (PollFlags::OUT, 0),
+            _ => (PollFlags::IN, 0),
         };
         if flags == PollFlags::OUT && descriptor.is_socket() {
             // Else the system keeps back small messages, by its own clock. What is not TCP refuses this.
@@ -198,18 +196,16 @@ impl Tracer<'_> {
             let backs_off = if is_ready { None } else { self.query(entry) };
             return Ok(backs_off.unwrap_or(Handling::Make));
         }
-        let parts = rest.map(|_| parts(entry)).transpose()?.unwrap_or_default();
-        let length = match call {
-            Syscall::Sendfile => a[3],
-            Syscall::Splice => a[4],
-            _ => whole_length(&parts),
+        let rest = call_of_rest(entry, descriptor);
+        let parts = match flags {
+            PollFlags::OUT => parts(entry)?,
+            _ => Vec::new(),
         };
-        let is_long = descriptor.takes_parts(length);
-        if is_ready && !is_long {
+        if is_ready && !descriptor.takes_parts(whole_length(&parts)) {
             return Ok(Handling::Make);
         }
         if is_ready && rest.is_none() {
-            // The program makes it again for the rest.
+            // The program makes it again for the rest, as in real time.
             let result = self.write_now(tid, descriptor, entry.registers.number(), a)?;
             return Ok(Handling::Answer(result));
         }
@@ -229,7 +225,6 @@ impl Tracer<'_> {
         if let Some(call) = rest.filter(|_| is_ready) {
             let rest = Rest {
                 to: Rc::clone(descriptor),
-                fd: a[0],
                 call,
                 parts,
                 sent: 0,
@@ -274,14 +269,16 @@ impl Tracer<'_> {
     /// Makes a client write as much of the rest as there is room for; returns the result of its syscall if
     /// that is at its end.
     pub(crate) fn write_rest(&mut self, tid: Tid, rest: &mut Rest) -> Result<Option<i64>, Halt> {
-        let (number, flags) = rest.call;
+        let (number, mut arguments) = rest.call;
         while let Some((place, left)) = part_at(&rest.parts, rest.sent as u64) {
-            if !rest.to.is_ready(PollFlags::OUT) {
-                return Ok(None);
+            match number {
+                libc::SYS_sendfile => arguments[3] = left,
+                _ => [arguments[1], arguments[2]] = [place, left],
             }
-            let arguments = [rest.fd, place, left, flags, 0, 0];
             let made = self.write_now(tid, &rest.to, number, arguments)?;
             match usize::try_from(made) {
+                // A file is at its end.
+                Ok(0) => break,
                 Ok(more) => rest.sent += more,
                 Err(_) if made == -i64::from(libc::EAGAIN) => return Ok(None),
                 // The next write says why; a signal may do so now.
@@ -303,6 +300,23 @@ impl Tracer<'_> {
     }
 }
 
+/// Number and arguments of the syscall that writes one part of the rest of a long write, if there is one.
+fn call_of_rest(Entry { call, a, .. }: Entry, to: &Descriptor) -> Option<(i64, [u64; 6])> {
+    let flags = match call {
+        Syscall::Write | Syscall::Writev => 0,
+        Syscall::Sendto => a[3],
+        Syscall::Sendmsg => a[2],
+        Syscall::Sendfile if to.is_socket() => return Some((libc::SYS_sendfile, a)),
+        _ => return None,
+    };
+    if !to.is_socket() {
+        return Some((libc::SYS_write, [a[0], 0, 0, 0, 0, 0]));
+    }
+    // Who has sent a part gets no SIGPIPE.
+    let flags = flags | u64::from(libc::MSG_NOSIGNAL.unsigned_abs());
+    Some((libc::SYS_sendto, [a[0], 0, 0, flags, 0, 0]))
+}
+
 /// What is left of the part of memory in which the byte with this number is.
 fn part_at(parts: &[(u64, u64)], mut at: u64) -> Option<(u64, u64)> {
     parts.iter().find_map(|(address, length)| {
@@ -314,7 +328,7 @@ fn part_at(parts: &[(u64, u64)], mut at: u64) -> Option<(u64, u64)> {
     })
 }
 
-/// The parts of memory that a read or write names.
+/// The parts of memory that a read or write names; of a copy of a file, its length.
 fn parts(Entry { tid, call, a, .. }: Entry) -> Result<Vec<(u64, u64)>, Halt> {
     let memory = Memory(tid);
     let (address, count) = match call {
@@ -324,6 +338,8 @@ fn parts(Entry { tid, call, a, .. }: Entry) -> Result<Vec<(u64, u64)>, Halt> {
             let (address, count) = memory.read_pair(a[1].saturating_add(16))?;
             (address.cast_unsigned(), count.cast_unsigned())
         }
+        Syscall::Sendfile => return Ok(vec![(0, a[3])]),
+        Syscall::Splice => return Ok(vec![(0, a[4])]),
         _ => return Ok(vec![(a[1], a[2])]),
     };
     Ok(memory.read_parts(address, count)?)

@@ -115,9 +115,8 @@ pub(crate) struct Awaited {
 /// A write of which a part has been made.
 pub(crate) struct Rest {
     pub(crate) to: Rc<Descriptor>,
-    pub(crate) fd: u64,
-    /// Number and flags of the syscall that writes one part of what is left.
-    pub(crate) call: (i64, u64),
+    /// Number and arguments of the syscall that writes one part of what is left.
+    pub(crate) call: (i64, [u64; 6]),
     pub(crate) parts: Vec<(u64, u64)>,
     pub(crate) sent: usize,
 }

@@ -168,6 +168,7 @@ impl Tracer<'_> {
                 _ if *sent == 0 => Polled::Make(Resume::Go(0)),
                 _ => Polled::Answer(counted(*sent.min(count))),
             },
+            Wait::Write(rest) if !rest.to.is_ready(PollFlags::OUT) => Polled::Waits,
             Wait::Write(rest) => {
                 let before = rest.sent;
                 let answer = self.write_rest(tid, rest)?;
