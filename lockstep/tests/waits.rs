@@ -385,6 +385,9 @@ int main(void) {
   int r = recvmmsg(s[0], m, 2, 0, &one); printf("recvmmsg %d of %u at %ld\n", r, m[0].msg_len, now() - start);
   siginfo_t i; r = waitid(P_ALL, 0, &i, WEXITED); printf("waitid %d at %ld\n", r, now() - start);
   fflush(stdout);
+  if (!fork()) { sleep(2); _exit(0); }
+  r = waitid(P_ALL, 0, 0, WEXITED); printf("waitid %d, %d at %ld\n", r, waitid(P_ALL, 0, 0, WEXITED), now() - start);
+  start += 2000; fflush(stdout);
   pid_t p = fork(); if (!p) { sleep(4); _exit(5); }
   r = waitid(P_PID, p, &i, WEXITED); printf("waitid %d %d at %ld\n", r, i.si_status, now() - start);
   int e = epoll_create1(0); struct epoll_event ev = {EPOLLIN, {0}}; epoll_ctl(e, EPOLL_CTL_ADD, s[0], &ev);
@@ -396,7 +399,7 @@ int main(void) {
   r = mq_timedsend(q, "y", 1, 0, &at); printf("mq %d %d at %ld\n", r, errno == ETIMEDOUT, now() - start);
 }
 "#,
-        "recvmmsg 1 of 3 at 3000\nwaitid 0 at 3000\nwaitid 0 5 at 7000\nepoll_pwait2 0 at 9000\n\
+        "recvmmsg 1 of 3 at 3000\nwaitid 0 at 3000\nwaitid 0, -1 at 5000\nwaitid 0 5 at 7000\nepoll_pwait2 0 at 9000\n\
          mq -1 1 at 14000\n",
     );
 }

@@ -56,23 +56,25 @@ impl Tracer<'_> {
         self.inject(entry.tid, entry.registers.number(), arguments)
     }
 
-    /// The same as [`Self::inject`] with these bytes at a place in its memory, which is put back.
+    /// The same as [`Self::inject`] with these bytes at a place in its memory, which is put back; also
+    /// returns what they have become.
     pub(crate) fn inject_with(
         &mut self,
         tid: Tid,
         number: i64,
         bytes: impl Fn(u64) -> Vec<u8>,
         arguments: impl Fn(u64) -> [u64; 6],
-    ) -> Result<i64, Halt> {
+    ) -> Result<(i64, Vec<u8>), Halt> {
         // There is memory in any case.
         let place = Registers::of(tid)?.stack() & !15;
-        let bytes = bytes(place);
+        let mut bytes = bytes(place);
         let mut before = vec![0; bytes.len()];
         Memory(tid).read(place, &mut before)?;
         Memory(tid).write(place, &bytes)?;
-        let result = self.inject(tid, number, arguments(place));
+        let result = self.inject(tid, number, arguments(place))?;
+        Memory(tid).read(place, &mut bytes)?;
         Memory(tid).write(place, &before)?;
-        result
+        Ok((result, bytes))
     }
 
     /// Returns whether it has stopped at a syscall-entry or a syscall-exit stop.
@@ -160,7 +162,8 @@ impl Tracer<'_> {
             return Ok(None);
         };
         let send = |place| [socket, place, number(libc::MSG_DONTWAIT), 0, 0, 0];
-        let sent = self.inject_with(tid, libc::SYS_sendmsg, |at| passage.message(at, fd), send)?;
+        let (sent, _) =
+            self.inject_with(tid, libc::SYS_sendmsg, |at| passage.message(at, fd), send)?;
         self.inject(tid, libc::SYS_close, [socket, 0, 0, 0, 0, 0])?;
         Ok((sent == 1).then(|| passage.receive()).flatten())
     }

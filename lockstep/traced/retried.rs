@@ -7,6 +7,9 @@ use crate::traced::syscall::{Entry, Halt, Handling};
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::{Retried, Wait};
 
+/// The length of a `siginfo_t`.
+const SIGNAL_INFO: usize = 128;
+
 impl Tracer<'_> {
     pub(crate) fn retried_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
@@ -35,7 +38,12 @@ impl Tracer<'_> {
         let mut deadline = None;
         tried.call.1[index] |= flag;
         match call {
-            Syscall::Waitid => tried.found = Some(a[2]),
+            Syscall::Waitid => {
+                tried.found = Some(a[2]);
+                if a[2] == 0 {
+                    tried.memory = vec![0; SIGNAL_INFO];
+                }
+            }
             // The commands that do not wait come before those that do.
             Syscall::Fcntl => tried.call.1[1] -= 1,
             Syscall::Semop | Syscall::Semtimedop => {
@@ -90,16 +98,22 @@ impl Tracer<'_> {
         if is_for_child && seen == Some(self.schedule.children) {
             return Ok(None);
         }
-        let result = if retried.memory.is_empty() {
-            self.inject(tid, number, a)?
+        let (result, memory) = if retried.memory.is_empty() {
+            (self.inject(tid, number, a)?, Vec::new())
         } else {
-            let arguments = |place| [a[0], place, a[2], a[3], a[4], a[5]];
+            let arguments = |place| match retried.found {
+                Some(_) => [a[0], a[1], place, a[3], a[4], a[5]],
+                None => [a[0], place, a[2], a[3], a[4], a[5]],
+            };
             self.inject_with(tid, number, |_| retried.memory.clone(), arguments)?
         };
         let is_it = |one: &i32| result == i64::from(*one);
         let mut waits = retried.would_wait.iter().any(is_it);
         if waits && let Some(address) = retried.found {
-            waits = address != 0 && Memory(tid).read_u32(address)? == 0;
+            waits = match address {
+                0 => memory.iter().all(|byte| *byte == 0),
+                _ => Memory(tid).read_u32(address)? == 0,
+            };
         }
         self.schedule.happened += u64::from(!waits);
         // Another thread may wait for the same child.

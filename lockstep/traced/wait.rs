@@ -125,11 +125,12 @@ pub(crate) struct Rest {
 pub(crate) struct Retried {
     /// Its number and arguments.
     pub(crate) call: (i64, [u64; 6]),
-    /// What the second of them leads to, if not to what the program has there.
+    /// What the second of them leads to, or that in which it says what it has found, if not to what the
+    /// program has there.
     pub(crate) memory: Vec<u8>,
     /// Results by which it says that it would have to wait.
     pub(crate) would_wait: &'static [i32],
-    /// Address of a word in which it says that it has found something, if that is not 0.
+    /// Address of a word that is not 0 once it has found something; 0 if that is in `memory`.
     pub(crate) found: Option<u64>,
     /// Count of what had happened to processes when it was last made.
     pub(crate) seen: Option<u64>,
