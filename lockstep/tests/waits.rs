@@ -532,6 +532,36 @@ int main(void) {
     );
 }
 
+/// An epoll keeps the file whose number was closed, and no file of the system says which that is.
+#[test]
+fn an_epoll_finds_a_signal_whatever_became_of_the_number() {
+    c_prints(
+        r#"
+#include <errno.h>
+#include <signal.h>
+#include <stdio.h>
+#include <sys/epoll.h>
+#include <sys/signalfd.h>
+#include <time.h>
+#include <unistd.h>
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t); return t.tv_sec * 10 + t.tv_nsec / 100000000; }
+static void later(int signal) { if (!fork()) { sleep(1); kill(getppid(), signal); _exit(0); } }
+static void hit(int s) {}
+int main(void) {
+  sigset_t set; sigemptyset(&set); sigaddset(&set, SIGTERM); sigprocmask(SIG_BLOCK, &set, 0);
+  signal(SIGALRM, hit); setvbuf(stdout, 0, _IOLBF, 0); long start = now(); struct signalfd_siginfo info;
+  int fd = signalfd(-1, &set, 0), e = epoll_create1(0), n; struct epoll_event event = {EPOLLIN, {.u32 = 7}}, got;
+  epoll_ctl(e, EPOLL_CTL_ADD, fd, &event); int other = dup(fd); close(fd);
+  later(SIGTERM); n = epoll_wait(e, &got, 1, 50000); printf("moved %d %u at %ld\n", n, got.data.u32, now() - start);
+  n = epoll_wait(e, &got, 1, 0); read(other, &info, sizeof info); printf("%d %d\n", n, info.ssi_signo);
+  n = epoll_wait(e, &got, 1, 1500); printf("none %d at %ld\n", n, now() - start);
+  alarm(1); n = epoll_wait(e, &got, 1, 50000); printf("alarm %d %d at %ld\n", n, errno == EINTR, now() - start);
+}
+"#,
+        "moved 1 7 at 10\n1 15\nnone 0 at 25\nalarm -1 1 at 35\n",
+    );
+}
+
 /// As DDS and ROS 2 find their participants: none of them knows which answers, and who does is inside.
 #[test]
 fn groups_of_the_run_are_not_outside() {

@@ -3,7 +3,7 @@
 
 use rustix::event::PollFlags;
 
-use crate::traced::arch::Syscall;
+use crate::traced::arch::{Registers, Syscall};
 use crate::traced::clock::{parts, parts_micros, span_micros};
 use crate::traced::memory::Memory;
 use crate::traced::proc::table_size;
@@ -134,6 +134,14 @@ impl Tracer<'_> {
         let backs_off = only_queries.then(|| self.query(entry));
         let awaited = |one| self.awaited(entry.process, one);
         let set: Vec<Awaited> = set.into_iter().map(awaited).collect();
+        if self.is_asked(&result, mask) {
+            return Ok(match (self.ask_epoll(entry.tid)?, backs_off) {
+                (Some(found), _) => Handling::Answer(found),
+                (None, Some(None)) => Handling::Answer(0),
+                (None, Some(Some(backs_off))) => backs_off,
+                (None, None) => Handling::Block(Wait::Poll { set, result, mask }, deadline),
+            });
+        }
         let found = self.found(entry.tid, &set, &result);
         // A poll that does not wait, and is not one of too many, is answered with what there is.
         if matches!(backs_off, Some(None)) || !found.iter().all(PollFlags::is_empty) {
@@ -144,6 +152,21 @@ impl Tracer<'_> {
             return Ok(backs_off);
         }
         Ok(Handling::Block(Wait::Poll { set, result, mask }, deadline))
+    }
+
+    /// Returns whether a poll is of an epoll that may have a `signalfd`, whichever its number is now.
+    pub(crate) fn is_asked(&self, result: &PollResult, mask: Option<u64>) -> bool {
+        let is_kernel = matches!(result, PollResult::Kernel);
+        self.descriptors.has_signalfd && is_kernel && mask.is_none()
+    }
+
+    /// Makes a thread that waits for an epoll ask it without waiting: the kernel finds the signals of the
+    /// thread that asks. Returns the count of events, if there are any, or an error.
+    pub(crate) fn ask_epoll(&mut self, tid: Tid) -> Result<Option<i64>, Halt> {
+        let [fd, events, most, ..] = Registers::of(tid)?.arguments();
+        let arguments = [fd, events, most, 0, 0, 0];
+        let found = self.inject(tid, libc::SYS_epoll_wait, arguments)?;
+        Ok((found != 0).then_some(found))
     }
 
     /// Returns what a poll finds. A set of `select` has no place for a hang-up that it does not ask for.

@@ -102,6 +102,10 @@ impl Tracer<'_> {
         (deadline, is_late): (Option<u64>, bool),
     ) -> Result<Polled, Halt> {
         Ok(match wait {
+            Wait::Poll { result, mask, .. } if self.is_asked(result, *mask) => {
+                let found = self.ask_epoll(tid)?;
+                found.map_or(Polled::Waits, Polled::Answer)
+            }
             Wait::Poll { set, result, .. } => {
                 let mut found = self.found(tid, set, result);
                 if found.iter().all(PollFlags::is_empty) {
