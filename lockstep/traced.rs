@@ -9,6 +9,7 @@ mod descriptors;
 mod ending;
 mod entry;
 mod futex;
+mod in_parts;
 mod inject;
 mod limits;
 mod loading;

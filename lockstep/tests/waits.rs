@@ -405,6 +405,55 @@ int main(void) {
 }
 
 #[test]
+fn messages_wait_for_room_at_their_receiver_and_for_all_that_are_wanted() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <errno.h>
+#include <stdio.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+#define MANY 600
+static long start;
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t); return t.tv_sec * 10 + t.tv_nsec / 100000000; }
+static int s[2]; static char b[4096]; static struct iovec v[2] = {{b, 2}, {b + 2, 3}};
+static struct mmsghdr m[MANY]; static struct sockaddr_un name = {AF_UNIX, "\0lockstep-"};
+static void reads(int from) { if (fork()) return; sleep(1); for (int i = 0; i < MANY; i++) recv(from, b, 8, 0); _exit(0); }
+static void sends(void) { start = now(); if (fork()) return; for (int i = 0; i < 3; i++) { sleep(1); send(s[1], "abc", 3, 0); } _exit(0); }
+static void said(const char *what, long n) { printf("%s %ld at %ld\n", what, n, now() - start); fflush(stdout); while (wait(0) > 0); start = now(); }
+static void rest(void) { while (recv(s[0], b, 9, MSG_DONTWAIT) > 0); }
+int main(void) {
+  sprintf(name.sun_path + 10, "%d", getpid()); socklen_t length = sizeof name; start = now();
+  int to = socket(AF_UNIX, SOCK_DGRAM, 0), from = socket(AF_UNIX, SOCK_DGRAM, 0), n = 0;
+  bind(to, (void *)&name, length); reads(to);
+  for (int i = 0; i < MANY; i++) n += sendto(from, b, 1, 0, (void *)&name, length);
+  said("sendto", n); reads(to); n = 0;
+  struct msghdr one = {&name, length, v, 1, 0, 0, 0}; for (int i = 0; i < MANY; i++) n += sendmsg(from, &one, 0);
+  said("sendmsg", n); socketpair(AF_UNIX, SOCK_DGRAM, 0, s); reads(s[0]);
+  for (int i = 0; i < MANY; i++) { m[i].msg_hdr.msg_iov = v; m[i].msg_hdr.msg_iovlen = 1; }
+  n = sendmmsg(s[1], m, MANY, 0); said("sendmmsg", n); rest();
+  struct timeval two = {2, 0}; setsockopt(from, SOL_SOCKET, SO_SNDTIMEO, &two, sizeof two);
+  for (n = 0; sendto(from, b, 1, 0, (void *)&name, length) == 1; ) n++;
+  said("late", n > 0 && errno == EAGAIN);
+  sends(); n = recvmmsg(s[0], m, 3, 0, 0); said("recvmmsg", n);
+  struct timespec some = {1, 500000000}; sends(); n = recvmmsg(s[0], m, 3, 0, &some); said("in time", n); rest();
+  sends(); n = recvmmsg(s[0], m, 3, MSG_WAITFORONE, 0); said("for one", n);
+  socketpair(AF_UNIX, SOCK_STREAM, 0, s);
+  sends(); n = recv(s[0], b, 8, MSG_WAITALL); said("all", n); rest();
+  sends(); struct msghdr both = {0, 0, v, 2, 0, 0, 0}; n = recvmsg(s[0], &both, MSG_WAITALL); printf("%.5s ", b); said("all", n); rest();
+  sends(); close(s[1]); n = recv(s[0], b, sizeof b, MSG_WAITALL); said("end", n);
+}
+"#,
+        "sendto 600 at 10\nsendmsg 1200 at 10\nsendmmsg 600 at 10\nlate 1 at 20\nrecvmmsg 3 at 30\n\
+         in time 2 at 20\nfor one 1 at 10\nall 8 at 30\nabcab all 5 at 20\nend 9 at 30\n",
+    );
+}
+
+#[test]
 fn locks_with_priority_inheritance_and_barriers() {
     c_prints(
         r#"

@@ -135,6 +135,12 @@ impl Descriptor {
         length > most && (self.is_pipe() || self.is_socket() && is_stream())
     }
 
+    pub(crate) fn is_unix_datagram(&self) -> bool {
+        use rustix::net::{AddressFamily, SocketType, sockopt};
+        sockopt::socket_type(&self.file) == Ok(SocketType::DGRAM)
+            && sockopt::socket_domain(&self.file) == Ok(AddressFamily::UNIX)
+    }
+
     /// Keeps syscalls on the file from waiting in the kernel, until the result is dropped.
     ///
     /// # Errors

@@ -47,8 +47,8 @@ impl Tracer<'_> {
         for thread in self.tree.threads.values() {
             let set = match thread.block().map(|block| &block.wait) {
                 Some(Wait::Poll { set, .. }) => set,
-                Some(Wait::Write(rest)) => {
-                    all.extend(self.outside(&rest.to, PollFlags::OUT));
+                Some(Wait::Transfer(rest)) => {
+                    all.extend(self.outside(&rest.of, rest.flags));
                     continue;
                 }
                 _ => continue,

@@ -114,7 +114,7 @@ impl Tracer<'_> {
             } if !matches!(result, PollResult::Call { .. }) => {
                 registers.answer(tid, -i64::from(libc::EINTR))?;
             }
-            Wait::Write(rest) => registers.answer(tid, counted(rest.sent))?,
+            Wait::Transfer(rest) if rest.done > 0 => registers.answer(tid, counted(rest.done))?,
             Wait::PortWrite { sent, count, .. } if sent > 0 => {
                 registers.answer(tid, counted(sent.min(count)))?;
             }
@@ -123,7 +123,7 @@ impl Tracer<'_> {
                 registers.answer(tid, received)?;
             }
             Wait::BackOff(resume) => thread.state = State::Ready(resume),
-            Wait::Again(_) => {
+            Wait::Again(_) | Wait::Transfer(_) => {
                 // At the end of the syscall; the system makes it again or not, as the signal has it.
                 const ERESTARTSYS: i64 = 512;
                 registers.set_result(-ERESTARTSYS);

@@ -1,6 +1,5 @@
 //! Reads, writes and the like, of ports and of everything else; and random bytes.
 
-use std::io;
 use std::rc::Rc;
 
 use rustix::event::PollFlags;
@@ -9,14 +8,19 @@ use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 use crate::traced::arch::Syscall;
 use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
+use crate::traced::in_parts::parts;
 use crate::traced::memory::{Memory, whole_length};
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
 use crate::traced::tracer::Tracer;
-use crate::traced::wait::{PollResult, Rest, Wait};
+use crate::traced::wait::{PollResult, Wait};
 
 /// Most random bytes of one syscall; the program asks for the rest again.
 const MOST_RANDOM: usize = 1 << 16;
+
+/// Flags by which a message, or a splice, is not to wait.
+const NO_WAIT: u64 = libc::MSG_DONTWAIT.cast_unsigned() as u64;
+const NO_SPLICE_WAIT: u64 = libc::SPLICE_F_NONBLOCK as u64;
 
 impl Tracer<'_> {
     pub(crate) fn transfer_call(&mut self, mut entry: Entry) -> Result<Handling, Halt> {
@@ -80,18 +84,7 @@ impl Tracer<'_> {
         if descriptor.never_waits() && !is_queue(call) {
             return Ok(Handling::Make);
         }
-        let action = self.may_wait(entry, fd, &descriptor)?;
-        if call == Syscall::Recvmmsg && matches!(action, Handling::Make) {
-            // It would wait for the others of the messages that it has room for.
-            let first_only = libc::MSG_WAITFORONE | libc::MSG_DONTWAIT;
-            let flags = a[3] | u64::from(first_only.unsigned_abs());
-            return match self.make(entry, [a[0], a[1], a[2], flags, 0, a[5]])? {
-                // There was one for another thread, or a damaged one.
-                result if result == -i64::from(libc::EAGAIN) => Err(Halt::Again),
-                result => Ok(Handling::Answer(result)),
-            };
-        }
-        Ok(action)
+        self.may_wait(entry, fd, &descriptor)
     }
 
     /// A read of what the tracer itself says: what is random, and how many processors there are.
@@ -167,27 +160,25 @@ impl Tracer<'_> {
         descriptor: &Rc<Descriptor>,
     ) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
-        let no_wait = u64::from(libc::MSG_DONTWAIT.unsigned_abs());
-        let no_splice_wait = u64::from(libc::SPLICE_F_NONBLOCK);
-        // What it waits for, and whether it is not to wait.
-        let (flags, at_once) = match call {
-            Syscall::Write | Syscall::Writev => (PollFlags::OUT, 0),
-            Syscall::Sendto | Syscall::Sendmmsg => (PollFlags::OUT, a[3] & no_wait),
-            Syscall::Sendmsg => (PollFlags::OUT, a[2] & no_wait),
-            Syscall::Recvfrom | Syscall::Recvmmsg => (PollFlags::IN, a[3] & no_wait),
-            Syscall::Recvmsg => (PollFlags::IN, a[2] & no_wait),
+        // What it waits for, the flags that the program has given, and the one by which it is not to wait.
+        let (flags, given, no_wait) = match call {
+            Syscall::Write | Syscall::Writev => (PollFlags::OUT, 0, 0),
+            Syscall::Sendto | Syscall::Sendmmsg => (PollFlags::OUT, a[3], NO_WAIT),
+            Syscall::Sendmsg => (PollFlags::OUT, a[2], NO_WAIT),
+            Syscall::Recvfrom | Syscall::Recvmmsg => (PollFlags::IN, a[3], NO_WAIT),
+            Syscall::Recvmsg => (PollFlags::IN, a[2], NO_WAIT),
             Syscall::Vmsplice if descriptor.is_for_writing() => {
-                (PollFlags::OUT, a[3] & no_splice_wait)
+                (PollFlags::OUT, a[3], NO_SPLICE_WAIT)
             }
-            Syscall::Vmsplice | Syscall::Tee => (PollFlags::IN, a[3] & no_splice_wait),
-            Syscall::Splice | Syscall::Sendfile | Syscall::MqTimedsend => (PollFlags::OUT, 0),
-            _ => (PollFlags::IN, 0),
+            Syscall::Vmsplice | Syscall::Tee => (PollFlags::IN, a[3], NO_SPLICE_WAIT),
+            Syscall::Splice | Syscall::Sendfile | Syscall::MqTimedsend => (PollFlags::OUT, 0, 0),
+            _ => (PollFlags::IN, 0, 0),
         };
         if flags == PollFlags::OUT && descriptor.is_socket() {
             // Else the system keeps back small messages, by its own clock. What is not TCP refuses this.
             let _ = set_tcp_nodelay(&descriptor.file, true);
         }
-        let at_once = at_once != 0 || descriptor.is_nonblocking();
+        let at_once = given & no_wait != 0 || descriptor.is_nonblocking();
         let is_ready =
             descriptor.is_ready(flags) || flags == PollFlags::IN && self.has_signal(tid, fd);
         // A wait that has begun before goes on to its own deadline.
@@ -196,17 +187,18 @@ impl Tracer<'_> {
             let backs_off = if is_ready { None } else { self.query(entry) };
             return Ok(backs_off.unwrap_or(Handling::Make));
         }
-        let rest = call_of_rest(entry, descriptor);
-        let parts = match flags {
-            PollFlags::OUT => parts(entry)?,
-            _ => Vec::new(),
-        };
-        if is_ready && !descriptor.takes_parts(whole_length(&parts)) {
-            return Ok(Handling::Make);
-        }
+        let rest = self.in_parts(entry, descriptor, (flags, given))?;
         if is_ready && rest.is_none() {
+            let length = match call {
+                Syscall::Splice => a[4],
+                Syscall::Sendfile => a[3],
+                _ => 0,
+            };
+            if !descriptor.takes_parts(length) {
+                return Ok(Handling::Make);
+            }
             // The program makes it again for the rest, as in real time.
-            let result = self.write_now(tid, descriptor, entry.registers.number(), a)?;
+            let result = self.transfer_now(tid, descriptor, (entry.registers.number(), a))?;
             return Ok(Handling::Answer(result));
         }
         let (mut late, mut deadline) = (-i64::from(libc::EAGAIN), None);
@@ -222,14 +214,21 @@ impl Tracer<'_> {
             deadline = patience.map(|span| self.now.saturating_add(nanoseconds(span)));
         }
         let deadline = before.or(deadline);
-        if let Some(call) = rest.filter(|_| is_ready) {
-            let rest = Rest {
-                to: Rc::clone(descriptor),
-                call,
-                parts,
-                sent: 0,
+        if let Some(mut rest) = rest
+            && (is_ready || call == Syscall::Recvmmsg)
+        {
+            let result = match is_ready {
+                true => self.transfer(tid, &mut rest)?,
+                false => None,
             };
-            return self.write_long(entry, rest, deadline);
+            return match result {
+                Some(result) => Ok(Handling::Answer(result)),
+                // The system has no memory for it now, whatever a poll says.
+                None if is_ready && rest.done == 0 && descriptor.takes_parts(u64::MAX) => {
+                    Err(Halt::Again)
+                }
+                None => Ok(Handling::Block(Wait::Transfer(rest), deadline)),
+            };
         }
         let wait = self.wait_of(entry, (fd, flags), late);
         Ok(Handling::Block(wait, deadline))
@@ -243,106 +242,6 @@ impl Tracer<'_> {
             mask: None,
         }
     }
-
-    /// A write to a pipe or a stream that may be longer than there is room for. The client makes it without
-    /// waiting, and writes the rest whenever there is more room.
-    fn write_long(
-        &mut self,
-        entry: Entry,
-        mut rest: Rest,
-        deadline: Option<u64>,
-    ) -> Result<Handling, Halt> {
-        let made = self.write_now(entry.tid, &rest.to, entry.registers.number(), entry.a)?;
-        rest.sent = match usize::try_from(made) {
-            Ok(sent) => sent,
-            // The system has no memory for it now, whatever a poll says.
-            Err(_) if made == -i64::from(libc::EAGAIN) => return Err(Halt::Again),
-            Err(_) => return Ok(Handling::Answer(made)),
-        };
-        let result = self.write_rest(entry.tid, &mut rest)?;
-        Ok(result.map_or(
-            Handling::Block(Wait::Write(rest), deadline),
-            Handling::Answer,
-        ))
-    }
-
-    /// Makes a client write as much of the rest as there is room for; returns the result of its syscall if
-    /// that is at its end.
-    pub(crate) fn write_rest(&mut self, tid: Tid, rest: &mut Rest) -> Result<Option<i64>, Halt> {
-        let (number, mut arguments) = rest.call;
-        while let Some((place, left)) = part_at(&rest.parts, rest.sent as u64) {
-            match number {
-                libc::SYS_sendfile => arguments[3] = left,
-                _ => [arguments[1], arguments[2]] = [place, left],
-            }
-            let made = self.write_now(tid, &rest.to, number, arguments)?;
-            match usize::try_from(made) {
-                // A file is at its end.
-                Ok(0) => break,
-                Ok(more) => rest.sent += more,
-                Err(_) if made == -i64::from(libc::EAGAIN) => return Ok(None),
-                // The next write says why; a signal may do so now.
-                Err(_) => break,
-            }
-        }
-        Ok(Some(counted(rest.sent)))
-    }
-
-    fn write_now(
-        &mut self,
-        tid: Tid,
-        to: &Descriptor,
-        number: i64,
-        arguments: [u64; 6],
-    ) -> Result<i64, Halt> {
-        let _free = to.without_waiting().map_err(io::Error::from)?;
-        self.inject(tid, number, arguments)
-    }
-}
-
-/// Number and arguments of the syscall that writes one part of the rest of a long write, if there is one.
-fn call_of_rest(Entry { call, a, .. }: Entry, to: &Descriptor) -> Option<(i64, [u64; 6])> {
-    let flags = match call {
-        Syscall::Write | Syscall::Writev => 0,
-        Syscall::Sendto => a[3],
-        Syscall::Sendmsg => a[2],
-        Syscall::Sendfile if to.is_socket() => return Some((libc::SYS_sendfile, a)),
-        _ => return None,
-    };
-    if !to.is_socket() {
-        return Some((libc::SYS_write, [a[0], 0, 0, 0, 0, 0]));
-    }
-    // Who has sent a part gets no SIGPIPE.
-    let flags = flags | u64::from(libc::MSG_NOSIGNAL.unsigned_abs());
-    Some((libc::SYS_sendto, [a[0], 0, 0, flags, 0, 0]))
-}
-
-/// What is left of the part of memory in which the byte with this number is.
-fn part_at(parts: &[(u64, u64)], mut at: u64) -> Option<(u64, u64)> {
-    parts.iter().find_map(|(address, length)| {
-        if at < *length {
-            return Some((address + at, length - at));
-        }
-        at -= length;
-        None
-    })
-}
-
-/// The parts of memory that a read or write names; of a copy of a file, its length.
-fn parts(Entry { tid, call, a, .. }: Entry) -> Result<Vec<(u64, u64)>, Halt> {
-    let memory = Memory(tid);
-    let (address, count) = match call {
-        Syscall::Readv | Syscall::Preadv | Syscall::Writev => (a[1], a[2]),
-        // They lie behind an address of four words with its length.
-        Syscall::Sendmsg => {
-            let (address, count) = memory.read_pair(a[1].saturating_add(16))?;
-            (address.cast_unsigned(), count.cast_unsigned())
-        }
-        Syscall::Sendfile => return Ok(vec![(0, a[3])]),
-        Syscall::Splice => return Ok(vec![(0, a[4])]),
-        _ => return Ok(vec![(a[1], a[2])]),
-    };
-    Ok(memory.read_parts(address, count)?)
 }
 
 /// A message queue is a file, too, and one that waits.

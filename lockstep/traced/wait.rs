@@ -82,8 +82,8 @@ pub(crate) enum Wait {
         /// Value that the syscall returns when all have been sent.
         count: usize,
     },
-    /// Room in a pipe or a stream for the rest of what is written. The thread is at a syscall-exit stop.
-    Write(Rest),
+    /// The rest of what is written to a pipe or a socket, or read of it.
+    Transfer(Rest),
     /// Another thread that wakes those that wait there.
     Futex {
         key: FutexKey,
@@ -112,13 +112,20 @@ pub(crate) struct Awaited {
     pub(crate) file: Option<Rc<Descriptor>>,
 }
 
-/// A write of which a part has been made.
+/// A transfer of which a part has been made.
 pub(crate) struct Rest {
-    pub(crate) to: Rc<Descriptor>,
-    /// Number and arguments of the syscall that writes one part of what is left.
-    pub(crate) call: (i64, [u64; 6]),
+    pub(crate) of: Rc<Descriptor>,
+    /// What a poll finds when there may be more.
+    pub(crate) flags: PollFlags,
+    /// Number and arguments of the syscall while nothing has been transferred.
+    pub(crate) whole: (i64, [u64; 6]),
+    /// The same of the one that transfers one part of what is left.
+    pub(crate) of_part: (i64, [u64; 6]),
+    /// Parts of memory, or how many messages or bytes of a file.
     pub(crate) parts: Vec<(u64, u64)>,
-    pub(crate) sent: usize,
+    pub(crate) done: usize,
+    /// Time from which a part of it is enough.
+    pub(crate) enough: Option<u64>,
 }
 
 /// A syscall that is made without waiting, and again when something has happened.

@@ -172,11 +172,11 @@ impl Tracer<'_> {
                 _ if *sent == 0 => Polled::Make(Resume::Go(0)),
                 _ => Polled::Answer(counted(*sent.min(count))),
             },
-            Wait::Write(rest) if !rest.to.is_ready(PollFlags::OUT) => Polled::Waits,
-            Wait::Write(rest) => {
-                let before = rest.sent;
-                let answer = self.write_rest(tid, rest)?;
-                self.schedule.happened += u64::from(rest.sent > before);
+            Wait::Transfer(rest) if !rest.of.is_ready(rest.flags) => Polled::Waits,
+            Wait::Transfer(rest) => {
+                let before = rest.done;
+                let answer = self.transfer(tid, rest)?;
+                self.schedule.happened += u64::from(rest.done > before);
                 answer.map_or(Polled::Waits, Polled::Answer)
             }
             // Each time something has happened; but not when it is too late.
@@ -236,7 +236,8 @@ impl Tracer<'_> {
             },
             Wait::Futex { .. } => Polled::Answer(-i64::from(libc::ETIMEDOUT)),
             Wait::Signal { .. } => Polled::Answer(-i64::from(libc::EAGAIN)),
-            Wait::Write(rest) => Polled::Answer(counted(rest.sent)),
+            Wait::Transfer(rest) if rest.done == 0 => Polled::Answer(-i64::from(libc::EAGAIN)),
+            Wait::Transfer(rest) => Polled::Answer(counted(rest.done)),
             Wait::PortWrite { .. } | Wait::Vfork { .. } | Wait::Forever => Polled::Waits,
         })
     }

@@ -98,7 +98,9 @@ impl Tracer<'_> {
                 None => "for bytes".to_owned(),
             },
             Wait::PortWrite { .. } => "for room on the line".to_owned(),
-            Wait::Write(rest) => format!("for room in {}", rest.to.path().unwrap_or_default()),
+            Wait::Transfer(rest) => {
+                format!("for the rest of {}", rest.of.path().unwrap_or_default())
+            }
             Wait::Futex { .. } => "for another thread".to_owned(),
             Wait::Signal { .. } => "for a signal".to_owned(),
             Wait::Vfork { .. } => "for a child".to_owned(),
