@@ -454,6 +454,42 @@ int main(void) {
 }
 
 #[test]
+fn copies_between_pipes_wait_for_room() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+static long start; static int p[2], q[2], both; static char b[65536] __attribute__((aligned(4096)));
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t); return t.tv_sec * 10 + t.tv_nsec / 100000000; }
+static void reads(int from) { start = now(); if (fork()) return; sleep(1); read(from, b, sizeof b); _exit(0); }
+static void said(const char *what, long n) { printf("%s %ld at %ld\n", what, n, now() - start); fflush(stdout); while (wait(0) > 0); }
+int main(void) {
+  start = now(); char folder[] = "/tmp/lockstepXXXXXX", path[64]; struct iovec v = {b, 100}, all = {b, sizeof b};
+  mkdtemp(folder); sprintf(path, "%s/fifo", folder); mkfifo(path, 0600); both = open(path, O_RDWR); unlink(path); rmdir(folder);
+  pipe(p); pipe(q); write(p[1], "abc", 3); write(q[1], b, sizeof b);
+  long n = tee(p[0], q[1], 9, SPLICE_F_NONBLOCK); said("at once", n == -1 && errno == EAGAIN);
+  n = splice(p[0], 0, q[1], 0, 9, SPLICE_F_NONBLOCK); said("at once", n == -1 && errno == EAGAIN);
+  reads(q[0]); n = tee(p[0], q[1], 9, 0); said("tee", n);
+  write(q[1], b, sizeof b - 4096); reads(q[0]); n = vmsplice(q[1], &v, 1, 0); said("vmsplice", n);
+  write(q[1], b, sizeof b - 4096); n = vmsplice(q[1], &all, 1, SPLICE_F_NONBLOCK); said("at once", n == -1 && errno == EAGAIN);
+  read(q[0], b, 8192); n = vmsplice(q[1], &all, 1, 0); said("part", n);
+  write(both, b, sizeof b); reads(both); n = vmsplice(both, &v, 1, 0); said("both", n);
+}
+"#,
+        "at once 1 at 0\nat once 1 at 0\ntee 3 at 10\nvmsplice 100 at 10\nat once 1 at 10\n\
+         part 8192 at 10\nboth 100 at 10\n",
+    );
+}
+
+#[test]
 fn locks_with_priority_inheritance_and_barriers() {
     c_prints(
         r#"

@@ -118,7 +118,8 @@ impl Descriptor {
     }
 
     pub(crate) fn is_for_writing(&self) -> bool {
-        rustix::fs::fcntl_getfl(&self.file).is_ok_and(|flags| flags.contains(OFlags::WRONLY))
+        rustix::fs::fcntl_getfl(&self.file)
+            .is_ok_and(|flags| flags.intersects(OFlags::WRONLY | OFlags::RDWR))
     }
 
     /// Returns whether one of these is said of it, or an error.

@@ -35,15 +35,12 @@ impl Tracer<'_> {
             (call, _) => call,
         };
         let (tid, process, call) = (entry.tid, entry.process, entry.call);
-        // The end that a port may be at.
-        let fd = match call {
-            Syscall::Splice => int(a[2]),
-            _ => int(a[0]),
-        };
-        let from = match call {
-            Syscall::Splice => Some(int(a[0])),
-            Syscall::Sendfile => Some(int(a[1])),
-            _ => None,
+        // The end that a port may be at, and where a copy is from; the flags of a splice.
+        let (fd, from, splice) = match call {
+            Syscall::Splice => (int(a[2]), Some(int(a[0])), a[5]),
+            Syscall::Tee => (int(a[1]), Some(int(a[0])), a[3]),
+            Syscall::Sendfile => (int(a[0]), Some(int(a[1])), 0),
+            _ => (int(a[0]), None, 0),
         };
         self.pass(tid, from.into_iter().chain([fd]))?;
         let descriptor = self.descriptor(process, fd).ok_or(Halt::Make)?;
@@ -76,7 +73,7 @@ impl Tracer<'_> {
             && !source.never_waits()
             && !source.is_ready(PollFlags::IN)
             && !source.is_nonblocking()
-            && (call != Syscall::Splice || a[5] & u64::from(libc::SPLICE_F_NONBLOCK) == 0)
+            && splice & NO_SPLICE_WAIT == 0
         {
             let wait = self.wait_of(entry, (fd, PollFlags::IN), 0);
             return Ok(Handling::Block(wait, None));
@@ -170,8 +167,10 @@ impl Tracer<'_> {
             Syscall::Vmsplice if descriptor.is_for_writing() => {
                 (PollFlags::OUT, a[3], NO_SPLICE_WAIT)
             }
-            Syscall::Vmsplice | Syscall::Tee => (PollFlags::IN, a[3], NO_SPLICE_WAIT),
-            Syscall::Splice | Syscall::Sendfile | Syscall::MqTimedsend => (PollFlags::OUT, 0, 0),
+            Syscall::Vmsplice => (PollFlags::IN, a[3], NO_SPLICE_WAIT),
+            Syscall::Tee => (PollFlags::OUT, a[3], NO_SPLICE_WAIT),
+            Syscall::Splice => (PollFlags::OUT, a[5], NO_SPLICE_WAIT),
+            Syscall::Sendfile | Syscall::MqTimedsend => (PollFlags::OUT, 0, 0),
             _ => (PollFlags::IN, 0, 0),
         };
         if flags == PollFlags::OUT && descriptor.is_socket() {
