@@ -602,6 +602,42 @@ child("many", many); child("lingers", lingers); child("naps", naps)
     );
 }
 
+/// No poll tells of a lock: it is tried again and again, in real time.
+#[test]
+fn a_lock_of_another_program_is_outside() {
+    let Some(python3) = program("python3") else {
+        return;
+    };
+    for lock in ["flock", "lockf"] {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        let path = text(file.path());
+        let holder = format!(
+            "import fcntl, os, time; file = open({path:?}, 'r+'); fcntl.{lock}(file, fcntl.LOCK_EX); \
+             print('holds', flush=True)\n\
+             while not os.path.getsize(file.fileno()): time.sleep(0.01)\n\
+             time.sleep(0.3)"
+        );
+        let mut command = Command::new(&python3);
+        command.args(["-c", &holder]).stdout(Stdio::piped());
+        // The tracer reaps the children of its own thread.
+        let starting = std::thread::spawn(move || spawn(&mut command).expect("a holder"));
+        let mut holder = starting.join().expect("it has started");
+        let mut printed = std::io::BufReader::new(holder.stdout.take().expect("a pipe"));
+        printed.read_line(&mut String::new()).expect("a line");
+        let code = format!(
+            "import fcntl, time; start = time.monotonic(); file = open({path:?}, 'w'); \
+             file.write('waits'); file.flush(); fcntl.{lock}(file, fcntl.LOCK_EX); print(time.monotonic() - start)"
+        );
+        let played = python(&code).expect("there is a Python");
+        holder.wait().expect("it has given up");
+        let waited = played.output.trim().parse();
+        let waited: f64 = waited.unwrap_or_else(|_| panic!("{:?}", played.ending));
+        assert!(waited < played.took.as_secs_f64(), "{waited}");
+        let named: Vec<&String> = played.ending.outside.iter().collect();
+        assert_eq!(named, [&format!("a lock of {path}")]);
+    }
+}
+
 /// The kernel makes an open wait while another program has a lease on the file, as a slow disk does.
 #[test]
 fn a_thread_that_the_kernel_keeps_waits_for_nothing_outside() {

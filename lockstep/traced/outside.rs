@@ -12,16 +12,17 @@ use crate::traced::arch::Syscall;
 use crate::traced::descriptor::{Descriptor, Status};
 use crate::traced::memory::Memory;
 use crate::traced::proc::{
-    descriptors_of, files_of, info_of, members_of_epoll, name_of, syscall_of,
+    descriptors_of, files_of, info_of, kernel_state, members_of_epoll, name_of, syscall_of,
 };
 use crate::traced::sys::Tid;
-use crate::traced::syscall::{Entry, Halt, call_name, low};
+use crate::traced::syscall::{Entry, Halt, call_name, int, low};
 use crate::traced::tracer::Tracer;
-use crate::traced::wait::Wait;
+use crate::traced::wait::{Retried, Wait};
 
 /// A descriptor that leads outside, and is waited for.
 pub(crate) struct Outside {
     descriptor: Rc<Descriptor>,
+    /// None if no poll tells of it.
     flags: PollFlags,
     pub(crate) name: String,
 }
@@ -30,6 +31,7 @@ pub(crate) struct Outside {
 pub(crate) fn wait(all: &[Outside], most: Duration) -> io::Result<bool> {
     let mut polls: Vec<PollFd<'_>> = all
         .iter()
+        .filter(|one| !one.flags.is_empty())
         .map(|one| PollFd::new(&one.descriptor.file, one.flags))
         .collect();
     let most = Timespec::try_from(most).map_err(io::Error::other)?;
@@ -51,6 +53,10 @@ impl Tracer<'_> {
                     all.extend(self.outside(&rest.of, rest.flags));
                     continue;
                 }
+                Some(Wait::Again(retried)) => {
+                    all.extend(self.outside_lock(thread.process, retried));
+                    continue;
+                }
                 _ => continue,
             };
             for one in set {
@@ -69,6 +75,35 @@ impl Tracer<'_> {
             }
         }
         all
+    }
+
+    /// The lock of a file that is tried again and again, while a program outside of the run has it.
+    fn outside_lock(&self, process: Tid, retried: &Retried) -> Option<Outside> {
+        let (number, [fd, ..]) = retried.call;
+        if ![libc::SYS_flock, libc::SYS_fcntl].contains(&number) {
+            return None;
+        }
+        let descriptor = self.descriptor(process, int(fd))?;
+        let (device, inode) = descriptor.inode();
+        let [major, minor] = [rustix::fs::major(device), rustix::fs::minor(device)];
+        let place = format!("{major:02x}:{minor:02x}:{inode}");
+        // As "1: FLOCK ADVISORY WRITE 123 08:01:456 0 EOF", behind "->" if it waits.
+        let locks = std::fs::read_to_string("/proc/locks").ok()?;
+        let is_outside = |pid: &str| {
+            let pid = pid.parse();
+            pid.is_ok_and(|pid| {
+                !self.tree.processes.contains_key(&pid) && kernel_state(pid, pid).is_some()
+            })
+        };
+        let mut lines = locks
+            .lines()
+            .map(|line| line.split_whitespace().collect::<Vec<_>>());
+        let is_held = lines.any(|words| matches!(words[..], [_, _, _, _, pid, at, ..] if at == place && is_outside(pid)));
+        is_held.then(|| Outside {
+            name: format!("a lock of {}", descriptor.path().unwrap_or_default()),
+            flags: PollFlags::empty(),
+            descriptor,
+        })
     }
 
     fn outside(&self, descriptor: &Rc<Descriptor>, flags: PollFlags) -> Option<Outside> {

@@ -29,8 +29,10 @@ impl Tracer<'_> {
                 Some(to) => until = Some(to),
                 None => return Ok(true),
             }
-        } else {
-            self.limits.paced = None;
+        } else if self.limits.paced.take().is_some() {
+            // What was waited for may have come since it was last tried.
+            self.schedule.happened += 1;
+            return Ok(true);
         }
         if self.limits.killed_at.is_some_and(|at| at <= self.now) {
             self.kill_all();
