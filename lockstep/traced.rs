@@ -4,6 +4,7 @@
 mod arch;
 mod clock;
 mod clock_calls;
+mod closing;
 mod descriptor;
 mod descriptors;
 mod ending;

@@ -750,11 +750,12 @@ later(1, lambda: os.dup2(other, r))
 print(select.select([r], [], [], 3)[0] == [r], at())
 r, w, other, full = pipes(); os.write(full, b"theirs")
 later(1, lambda: os.dup2(other, r)); later(2, lambda: os.write(w, b"x"))
-try: print(os.read(r, 9), at())
-except OSError as error: print(error.strerror, at())
-print(os.read(other, 9), at())
+print(os.read(r, 9), at(), os.read(other, 9))
+r, w, other, full = pipes(); os.write(full, b"theirs")
+later(1, lambda: os.dup2(full, w)); later(2, lambda: os.read(r, 70000))
+print(os.write(w, bytes(100000)), at(), os.read(other, 9), len(os.read(r, 70000)), os.read(r, 9))
 "#,
-        "[] 5.0\nTrue 8.0\nBad file descriptor 10.0\nb'theirs' 10.0\n",
+        "[] 5.0\nTrue 8.0\nb'x' 10.0 b'theirs'\n100000 12.0 b'theirs' 34464 b''\n",
     );
 }
 

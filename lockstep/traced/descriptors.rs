@@ -1,6 +1,5 @@
 //! What the descriptors of programs lead to, and what a poll of them finds.
 
-use std::ops::RangeInclusive;
 use std::os::fd::OwnedFd;
 use std::rc::Rc;
 
@@ -11,7 +10,6 @@ use rustix::process::PidfdGetfdFlags;
 use crate::traced::descriptor::{Descriptor, EVER_READY, QUEUES, Status, is_any_ready};
 use crate::traced::proc::{Signals, descriptors_of, info_of, members_of_epoll, number, path_of};
 use crate::traced::sys::Tid;
-use crate::traced::syscall::Handling;
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::Awaited;
 
@@ -76,16 +74,6 @@ impl Tracer<'_> {
         let is_queue = rustix::fs::fstatfs(&file).is_ok_and(|one| one.f_type == QUEUES);
         let one = Descriptor::new(file)?;
         (one.never_waits() && !is_queue && !self.descriptors.lists.has(&one)).then_some(one.file)
-    }
-
-    /// Descriptors of a process are about to be closed, or to lead elsewhere.
-    pub(crate) fn close(&mut self, process: Tid, fds: RangeInclusive<i32>) -> Handling {
-        if let Some(process) = self.tree.processes.get(&process) {
-            let mut files = process.files.borrow_mut();
-            files.retain(|fd, _| !fds.contains(fd));
-        }
-        self.descriptors.ports_used.set(true);
-        Handling::Make
     }
 
     pub(crate) fn port_of(&self, descriptor: &Descriptor) -> Option<usize> {

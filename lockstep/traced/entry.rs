@@ -56,12 +56,12 @@ impl Tracer<'_> {
             Syscall::EpollCtl => self.polled_by_kernel(entry, int(a[2])),
             Syscall::Futex => self.futex(entry),
             Syscall::Ioctl => self.request(entry),
-            Syscall::Close => Ok(self.close(process, int(a[0])..=int(a[0]))),
-            Syscall::Dup => Ok(self.close(process, int(a[1])..=int(a[1]))),
+            Syscall::Close => self.close(entry, int(a[0])..=int(a[0])),
+            Syscall::Dup => self.close(entry, int(a[1])..=int(a[1])),
             Syscall::CloseRange => {
                 let [first, last] =
                     [a[0], a[1]].map(|fd| i32::try_from(low(fd)).unwrap_or(i32::MAX));
-                Ok(self.close(process, first..=last))
+                self.close(entry, first..=last)
             }
             Syscall::Alarm => Ok(self.alarm(process, a[0])),
             Syscall::Setitimer => self.interval_timer(entry, Some(a[1]), a[2]),

@@ -66,6 +66,8 @@ pub(crate) struct Thread {
     pub(crate) preempted: bool,
     /// The deadline of a wait, while its syscall is handled once more.
     pub(crate) again_until: Option<u64>,
+    /// Number of the descriptor that its syscall is for, since another thread has closed the one it names.
+    pub(crate) kept: Option<u64>,
 }
 
 pub(crate) enum State {
@@ -98,6 +100,7 @@ impl Thread {
             paid: 0,
             preempted: false,
             again_until: None,
+            kept: None,
         }
     }
 

@@ -60,6 +60,7 @@ impl Tracer<'_> {
         self.processor.share(&self.tree.threads);
         match resume {
             Resume::Go(signal) => {
+                self.close_kept(tid)?;
                 self.show_clocks(tid)?;
                 sys::resume(tid, signal)?;
             }

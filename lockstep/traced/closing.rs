@@ -1,0 +1,95 @@
+//! Descriptors that programs close, and those that another thread waits for meanwhile.
+
+use std::ops::RangeInclusive;
+use std::rc::Rc;
+
+use crate::traced::sys::Tid;
+use crate::traced::syscall::{Entry, Halt, Handling, int};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::Thread;
+use crate::traced::wait::{PollResult, Rest, Wait};
+
+impl Tracer<'_> {
+    /// Descriptors of a process are about to be closed, or to lead elsewhere.
+    pub(crate) fn close(
+        &mut self,
+        entry: Entry,
+        fds: RangeInclusive<i32>,
+    ) -> Result<Handling, Halt> {
+        self.keep_awaited(entry, &fds)?;
+        if let Some(process) = self.tree.processes.get(&entry.process) {
+            let mut files = process.files.borrow_mut();
+            files.retain(|fd, _| !fds.contains(fd));
+        }
+        self.descriptors.ports_used.set(true);
+        Ok(Handling::Make)
+    }
+
+    /// A file stays open while a thread waits in a read or write of it. If another thread closes its number, it
+    /// gets one that no thread knows.
+    ///
+    /// # Errors
+    /// [`Halt::Again`] if there was such a thread.
+    fn keep_awaited(&mut self, entry: Entry, fds: &RangeInclusive<i32>) -> Result<(), Halt> {
+        /// Programs rarely have so many.
+        const LEAST: u64 = 512;
+        let awaited = |(tid, thread): (&Tid, &Thread)| {
+            let may_be = thread.process == entry.process && thread.kept.is_none();
+            let block = thread.block().filter(|_| may_be)?;
+            let a = block.registers.arguments();
+            let one = match &block.wait {
+                Wait::Transfer(rest) => (Rc::clone(&rest.of), rest.flags),
+                Wait::Poll {
+                    set,
+                    result: PollResult::Call { .. },
+                    ..
+                } => {
+                    // A copy may wait for another of its arguments.
+                    let one = set.first().filter(|one| one.fd == int(a[0]))?;
+                    (Rc::clone(one.file.as_ref()?), one.flags)
+                }
+                _ => return None,
+            };
+            let whole = (block.registers.number(), a);
+            fds.contains(&int(a[0])).then_some((*tid, whole, one))
+        };
+        let threads = &mut self.tree.threads.iter();
+        let Some((tid, mut whole, (of, flags))) = threads.find_map(awaited) else {
+            return Ok(());
+        };
+        let command = u64::from(libc::F_DUPFD_CLOEXEC.unsigned_abs());
+        let duplicate = [whole.1[0], command, LEAST, 0, 0, 0];
+        let kept = self.inject(entry.tid, libc::SYS_fcntl, duplicate)?;
+        let Ok(kept) = u64::try_from(kept) else {
+            return Ok(());
+        };
+        whole.1[0] = kept;
+        self.tree.thread(tid)?.kept = Some(kept);
+        match self.tree.block_of(tid).map(|block| &mut block.wait) {
+            Some(Wait::Transfer(rest)) => {
+                (rest.whole.1[0], rest.of_part.1[0]) = (kept, kept);
+            }
+            Some(wait) => {
+                *wait = Wait::Transfer(Rest {
+                    of,
+                    flags,
+                    whole,
+                    of_part: whole,
+                    parts: Vec::new(),
+                    done: 0,
+                    enough: Some(0),
+                });
+            }
+            None => {}
+        }
+        Err(Halt::Again)
+    }
+
+    /// The syscall is over for which a thread had a number that no thread knows.
+    pub(crate) fn close_kept(&mut self, tid: Tid) -> Result<(), Halt> {
+        if let Some(kept) = self.tree.thread(tid)?.kept.take() {
+            self.inject(tid, libc::SYS_close, [kept, 0, 0, 0, 0, 0])?;
+        }
+        Ok(())
+    }
+}
