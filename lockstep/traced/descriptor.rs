@@ -142,17 +142,17 @@ impl Descriptor {
             && sockopt::socket_domain(&self.file) == Ok(AddressFamily::UNIX)
     }
 
-    /// Keeps syscalls on the file from waiting in the kernel, until the result is dropped.
+    /// Does something that does not wait in the kernel for the file meanwhile. All that have it open share that.
     ///
     /// # Errors
     /// When the system refuses it.
-    pub(crate) fn without_waiting(&self) -> rustix::io::Result<WithoutWaiting<'_>> {
+    pub(crate) fn without_waiting<T>(&self, make: impl FnOnce() -> T) -> rustix::io::Result<T> {
         let flags = rustix::fs::fcntl_getfl(&self.file)?;
         rustix::fs::fcntl_setfl(&self.file, flags | OFlags::NONBLOCK)?;
-        Ok(WithoutWaiting {
-            file: &self.file,
-            flags,
-        })
+        let made = make();
+        // What could be set can be put back.
+        let _ = rustix::fs::fcntl_setfl(&self.file, flags);
+        Ok(made)
     }
 
     /// Its path, as the system tells it.
@@ -164,19 +164,6 @@ impl Descriptor {
                 .to_string_lossy()
                 .into_owned(),
         )
-    }
-}
-
-/// A file that is not waited for in the kernel. All who have it open share that, so it is for one syscall.
-pub(crate) struct WithoutWaiting<'a> {
-    file: &'a OwnedFd,
-    flags: OFlags,
-}
-
-impl Drop for WithoutWaiting<'_> {
-    fn drop(&mut self) {
-        // What could be set can be put back.
-        let _ = rustix::fs::fcntl_setfl(self.file, self.flags);
     }
 }
 

@@ -123,8 +123,8 @@ impl Tracer<'_> {
         of: &Descriptor,
         (number, arguments): (i64, [u64; 6]),
     ) -> Result<i64, Halt> {
-        let _free = of.without_waiting().map_err(io::Error::from)?;
-        self.inject(tid, number, arguments)
+        of.without_waiting(|| self.inject(tid, number, arguments))
+            .map_err(io::Error::from)?
     }
 }
 
