@@ -317,23 +317,16 @@ impl Port {
     }
 
     pub(crate) fn read_rule(&self) -> ReadRule {
-        let Some(termios) = self.termios() else {
-            return ReadRule {
-                least: Some(1),
-                patience: None,
-            };
+        let (least, tenths) = match self.termios() {
+            None => (Some(1), 0),
+            Some(termios) if termios.local_modes.contains(LocalModes::ICANON) => (None, 0),
+            Some(Termios { special_codes, .. }) => {
+                let least = special_codes[SpecialCodeIndex::VMIN].into();
+                (Some(least), special_codes[SpecialCodeIndex::VTIME])
+            }
         };
-        if termios.local_modes.contains(LocalModes::ICANON) {
-            return ReadRule {
-                least: None,
-                patience: None,
-            };
-        }
-        let tenths = termios.special_codes[SpecialCodeIndex::VTIME];
-        ReadRule {
-            least: Some(termios.special_codes[SpecialCodeIndex::VMIN].into()),
-            patience: (tenths > 0).then(|| Duration::from_millis(100 * u64::from(tenths))),
-        }
+        let patience = (tenths > 0).then(|| Duration::from_millis(100 * u64::from(tenths)));
+        ReadRule { least, patience }
     }
 
     /// Bytes that the client could read at once.

@@ -37,8 +37,8 @@ impl Tracer<'_> {
             let may_be = thread.process == entry.process && thread.kept.is_none();
             let block = thread.block().filter(|_| may_be)?;
             let a = block.registers.arguments();
-            let one = match &block.wait {
-                Wait::Transfer(rest) => (Rc::clone(&rest.of), rest.flags),
+            let rest = match &block.wait {
+                Wait::Transfer(rest) => rest.clone(),
                 Wait::Poll {
                     set,
                     result: PollResult::Call { .. },
@@ -46,41 +46,34 @@ impl Tracer<'_> {
                 } => {
                     // A copy may wait for another of its arguments.
                     let one = set.first().filter(|one| one.fd == int(a[0]))?;
-                    (Rc::clone(one.file.as_ref()?), one.flags)
+                    let whole = (block.registers.number(), a);
+                    Rest {
+                        of: Rc::clone(one.file.as_ref()?),
+                        flags: one.flags,
+                        whole,
+                        of_part: whole,
+                        parts: Vec::new(),
+                        done: 0,
+                        enough: Some(0),
+                    }
                 }
                 _ => return None,
             };
-            let whole = (block.registers.number(), a);
-            fds.contains(&int(a[0])).then_some((*tid, whole, one))
+            fds.contains(&int(a[0])).then_some((*tid, rest))
         };
-        let threads = &mut self.tree.threads.iter();
-        let Some((tid, mut whole, (of, flags))) = threads.find_map(awaited) else {
+        let Some((tid, mut rest)) = self.tree.threads.iter().find_map(awaited) else {
             return Ok(());
         };
         let command = u64::from(libc::F_DUPFD_CLOEXEC.unsigned_abs());
-        let duplicate = [whole.1[0], command, LEAST, 0, 0, 0];
+        let duplicate = [rest.whole.1[0], command, LEAST, 0, 0, 0];
         let kept = self.inject(entry.tid, libc::SYS_fcntl, duplicate)?;
         let Ok(kept) = u64::try_from(kept) else {
             return Ok(());
         };
-        whole.1[0] = kept;
+        (rest.whole.1[0], rest.of_part.1[0]) = (kept, kept);
         self.tree.thread(tid)?.kept = Some(kept);
-        match self.tree.block_of(tid).map(|block| &mut block.wait) {
-            Some(Wait::Transfer(rest)) => {
-                (rest.whole.1[0], rest.of_part.1[0]) = (kept, kept);
-            }
-            Some(wait) => {
-                *wait = Wait::Transfer(Rest {
-                    of,
-                    flags,
-                    whole,
-                    of_part: whole,
-                    parts: Vec::new(),
-                    done: 0,
-                    enough: Some(0),
-                });
-            }
-            None => {}
+        if let Some(block) = self.tree.block_of(tid) {
+            block.wait = Wait::Transfer(rest);
         }
         Err(Halt::Again)
     }

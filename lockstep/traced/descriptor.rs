@@ -158,12 +158,8 @@ impl Descriptor {
     /// Its path, as the system tells it.
     pub(crate) fn path(&self) -> Option<String> {
         let path = format!("/proc/self/fd/{}", self.file.as_raw_fd());
-        Some(
-            std::fs::read_link(path)
-                .ok()?
-                .to_string_lossy()
-                .into_owned(),
-        )
+        let path = std::fs::read_link(path).ok()?;
+        Some(path.to_string_lossy().into_owned())
     }
 }
 

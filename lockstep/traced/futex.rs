@@ -112,14 +112,8 @@ impl Tracer<'_> {
     }
 
     fn wake_one(&mut self, tid: Tid) -> io::Result<()> {
-        if let Some(block) = self
-            .tree
-            .threads
-            .get(&tid)
-            .and_then(|thread| thread.block())
-        {
-            let registers = block.registers;
-            registers.answer(tid, 0)?;
+        if let Some(block) = self.tree.block_of(tid) {
+            block.registers.answer(tid, 0)?;
         }
         self.tree.set_state(tid, State::Ready(Resume::Go(0)));
         Ok(())
@@ -165,22 +159,16 @@ impl Tracer<'_> {
     /// A thread has ended: the system itself has changed futexes that show it, and wakes no thread,
     /// since none waits in it. To wake one for nothing is allowed.
     pub(crate) fn wake_changed_futexes(&mut self) {
-        let changed: Vec<Tid> = self
-            .tree
-            .threads
-            .iter()
-            .filter(
-                |(tid, thread)| match thread.block().map(|block| &block.wait) {
-                    Some(Wait::Futex {
-                        address, expected, ..
-                    }) => Memory(**tid)
-                        .read_u32(*address)
-                        .is_ok_and(|now| now != *expected),
-                    _ => false,
-                },
-            )
-            .map(|(tid, _)| *tid)
-            .collect();
+        let changed = |(tid, thread): (&Tid, &Thread)| match thread.block()?.wait {
+            Wait::Futex {
+                address, expected, ..
+            } => {
+                let now = Memory(*tid).read_u32(address).ok()?;
+                (now != expected).then_some(*tid)
+            }
+            _ => None,
+        };
+        let changed: Vec<Tid> = self.tree.threads.iter().filter_map(changed).collect();
         for tid in changed {
             // A thread that has gone meanwhile is reported otherwise.
             let _ = self.wake_one(tid);
@@ -189,12 +177,8 @@ impl Tracer<'_> {
 
     fn futex_key(&self, tid: Tid, address: u64, private: bool) -> FutexKey {
         let process = self.tree.process_of(tid);
-        let memory = self
-            .tree
-            .processes
-            .get(&process)
-            .map_or(0, |one| one.memory);
-        let own = FutexKey::Private(memory, address);
+        let process_here = self.tree.processes.get(&process);
+        let own = FutexKey::Private(process_here.map_or(0, |one| one.memory), address);
         if private {
             return own;
         }

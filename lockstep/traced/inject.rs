@@ -122,10 +122,8 @@ impl Tracer<'_> {
             any = true;
             let file = self.passed(tid, fd)?;
             if file.is_none() {
-                let what = format!(
-                    "descriptor {fd} of {}, which cannot be polled",
-                    name_of(tid)
-                );
+                let name = name_of(tid);
+                let what = format!("descriptor {fd} of {name}, which cannot be polled");
                 self.report.outside.insert(what);
             }
             self.keep(process, fd, file);

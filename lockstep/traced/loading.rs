@@ -58,10 +58,8 @@ impl Tracer<'_> {
         use std::os::unix::fs::MetadataExt as _;
         let path = std::fs::read_link(format!("/proc/{pid}/exe")).unwrap_or_default();
         let refuse = |why: &str| {
-            Err(Halt::Failed(Error::Refused(format!(
-                "{} {why}",
-                path.display()
-            ))))
+            let text = format!("{} {why}", path.display());
+            Err(Halt::Failed(Error::Refused(text)))
         };
         if !Registers::of(pid)?.is_native() {
             return refuse("is a 32-bit program, which cannot be run in simulated time");

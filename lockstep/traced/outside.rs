@@ -218,13 +218,12 @@ impl Tracer<'_> {
             return (!is_ours).then(|| format!("a unix socket of process {pid}"));
         }
         // As for a CAN bus, or Bluetooth.
-        if ![
+        let known = [
             AddressFamily::INET,
             AddressFamily::INET6,
             AddressFamily::NETLINK,
-        ]
-        .contains(&family)
-        {
+        ];
+        if !known.contains(&family) {
             return Some(format!("a socket of address family {}", family.as_raw()));
         }
         let own = SocketAddr::try_from(own).ok()?;
@@ -242,10 +241,8 @@ impl Tracer<'_> {
             None if is_stream || own.ip().to_canonical().is_loopback() => None,
             // Who has sent to others, and to none of them alone, as groups do, may be answered by them.
             None => {
-                let is_known = self
-                    .descriptors
-                    .outside_sockets
-                    .contains(&descriptor.inode());
+                let known = &self.descriptors.outside_sockets;
+                let is_known = known.contains(&descriptor.inode());
                 is_known.then(|| format!("{word} {own}"))
             }
         }

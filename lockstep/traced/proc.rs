@@ -124,8 +124,7 @@ impl Signals {
         let text = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/status")).ok()?;
         let set = |name: &str| {
             let line = text.lines().find_map(|line| line.strip_prefix(name));
-            line.and_then(|set| u64::from_str_radix(set.trim(), 16).ok())
-                .unwrap_or(0)
+            line.and_then(|set| number(set.trim())).unwrap_or(0)
         };
         Some(Self {
             pending: set("SigPnd:") | set("ShdPnd:"),

@@ -18,9 +18,7 @@ impl Tracer<'_> {
         let mut action = [0; 32];
         if entry.a[1] != 0 {
             Memory(entry.tid).read(entry.a[1], &mut action)?;
-            if let Some(process) = self.tree.processes.get_mut(&entry.process) {
-                process.on_fault = Some(action);
-            }
+            self.tree.process(entry.process)?.on_fault = Some(action);
         }
         Ok(Handling::Make)
     }
@@ -29,11 +27,7 @@ impl Tracer<'_> {
     /// while SIGSEGV is blocked or ignored; reading the time stamp counter is none that fails.
     pub(crate) fn restore_fault_action(&mut self, tid: Tid) -> Result<(), Halt> {
         let process = self.tree.process_of(tid);
-        let action = self
-            .tree
-            .processes
-            .get(&process)
-            .and_then(|one| one.on_fault);
+        let action = self.tree.process(process)?.on_fault;
         let Some(action) = action.filter(|action| action[..8] != [0; 8]) else {
             return Ok(());
         };

@@ -27,11 +27,9 @@ impl Tracer<'_> {
         self.schedule.computing = None;
         self.schedule.interrupted = None;
         loop {
-            let runs = self
-                .schedule
-                .current
-                .and_then(|tid| self.tree.threads.get(&tid))
-                .is_some_and(Thread::is_running);
+            let current = self.schedule.current;
+            let current = current.and_then(|tid| self.tree.threads.get(&tid));
+            let runs = current.is_some_and(Thread::is_running);
             let dying = self.tree.processes.values().any(|process| process.dying);
             if !runs && !dying {
                 return Ok(());
@@ -168,11 +166,7 @@ impl Tracer<'_> {
     fn cloned(&mut self, tid: Tid, event: i32) -> Result<(), Halt> {
         let child = sys::event_message(tid)?;
         let registers = Registers::of(tid)?;
-        let parent = self
-            .tree
-            .threads
-            .get(&tid)
-            .map_or(tid, |thread| thread.process);
+        let parent = self.tree.process_of(tid);
         let shared = arch::shared(&registers);
         if !self.tree.early.remove(&child) {
             // It is about to stop for the first time.

@@ -163,9 +163,7 @@ impl Tracer<'_> {
         let new = self.timer_setting(tid, (clock, flags, new), span)?;
         let mark = match known {
             Some(mark) => mark,
-            None if self.timers.all.len() >= MOST => {
-                return Ok(failure(libc::ENOMEM));
-            }
+            None if self.timers.all.len() >= MOST => return Ok(failure(libc::ENOMEM)),
             None => {
                 self.timers.marks += 1;
                 let kind = Kind::Descriptor {

@@ -113,6 +113,7 @@ pub(crate) struct Awaited {
 }
 
 /// A transfer of which a part has been made.
+#[derive(Clone)]
 pub(crate) struct Rest {
     pub(crate) of: Rc<Descriptor>,
     /// What a poll finds when there may be more.
