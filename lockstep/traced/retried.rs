@@ -1,5 +1,7 @@
 //! Syscalls that are made without waiting, and again when something has happened: children, locks, queues.
 
+use std::time::Instant;
+
 use crate::traced::arch::Syscall;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
@@ -80,6 +82,9 @@ impl Tracer<'_> {
         deadline: Option<u64>,
     ) -> Result<Handling, Halt> {
         let result = self.try_once(entry.tid, &mut retried)?;
+        // A lock that another program gives back before it is found out who holds it is tried once more.
+        let paced = (Instant::now(), self.now);
+        self.limits.paced = self.limits.paced.or(result.is_none().then_some(paced));
         Ok(result.map_or(
             Handling::Block(Wait::Again(retried), deadline),
             Handling::Answer,
