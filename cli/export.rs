@@ -8,6 +8,7 @@ mod perfetto;
 mod vcd;
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
@@ -22,9 +23,11 @@ use rigsim_core::message::Sender;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
 use rigsim_runner::run::Probe;
+use rigsim_runner::scenario::NamedText;
 use rigsim_runner::trace::{Onlooker, Record};
 
 use crate::exit::Failure;
+use crate::print::complain;
 use crate::recording::{self, Played};
 use crate::visible;
 
@@ -93,8 +96,10 @@ type Out = BufWriter<File>;
 
 /// What a file of another tool says about the run.
 struct About {
-    /// Midnight in UTC of the day on which the trace was written, nanoseconds since 1970.
+    /// Date at which simulated time begins, nanoseconds since 1970.
     date: u64,
+    /// The world file.
+    world: Option<NamedText>,
     /// The command that repeats it.
     command: String,
 }
@@ -168,6 +173,8 @@ struct Walk {
     waiting: BTreeMap<(SimTime, u64), Waiting>,
     number: u64,
     next: SimTime,
+    /// The recording says what threads of the client waited for.
+    has_waits: bool,
     written: io::Result<()>,
 }
 
@@ -224,6 +231,7 @@ impl Onlooker for Walk {
             // What came of the others is events.
             _ => return,
         };
+        self.has_waits |= matches!(record, Record::Wait { .. });
         self.wait(SimTime::from_nanos(*t), Waiting::Record(record.clone()));
         if let Some((dt, port, sender, bytes)) = bytes {
             let times = (0_u64..).map(|index| SimTime::from_nanos(t.saturating_add(index * dt)));
@@ -267,9 +275,11 @@ pub(crate) fn export(
     let walk = |run: &Run| {
         let out = Results::at(to, format.marks()).and_then(Results::into_file);
         let out = BufWriter::new(out.with_context(failed).map_err(Failure::usage)?);
+        let command = ["sim", "replay"].map(OsStr::new).into_iter();
         let about = About {
-            date: date(trace),
-            command: format!("sim replay {}", visible::name(trace)),
+            date: date(trace)?,
+            world: recording::header(trace)?.and_then(|header| header.world),
+            command: visible::command(command.chain([trace.as_os_str()])),
         };
         let writer = format.writer(run, &about, out).with_context(failed);
         let writer = writer.map_err(Failure::system)?;
@@ -279,10 +289,20 @@ pub(crate) fn export(
             waiting: BTreeMap::new(),
             number: 0,
             next: SimTime::ZERO,
+            has_waits: false,
             written: Ok(()),
         })
     };
     let (walk, played) = recording::view(devices, trace, walk)?;
+    if format == ExportFormat::Perfetto
+        && !walk.has_waits
+        && recording::client_time(trace)?.0 == "lockstep"
+    {
+        complain(&format!(
+            "{} says nothing of the client's threads: only a run with `--export perfetto-trace` records them",
+            visible::name(trace)
+        ));
+    }
     walk.finish()
         .with_context(failed)
         .map_err(Failure::system)?;
@@ -308,13 +328,16 @@ pub(crate) fn export_beside(
     Ok(())
 }
 
-/// Midnight in UTC of the day on which a file was written, nanoseconds since 1970.
-fn date(path: &Path) -> u64 {
+/// Date at which the time of a recording begins, nanoseconds since 1970: that of its client, or midnight in UTC
+/// of the day on which the file was written.
+fn date(path: &Path) -> Result<u64, Failure> {
     const DAY: u64 = 86_400;
     let modified = path.metadata().and_then(|about| about.modified());
     let since = modified
         .ok()
         .and_then(|at| at.duration_since(UNIX_EPOCH).ok());
     let day = since.unwrap_or_default().as_secs() / DAY;
-    day.saturating_mul(DAY * 1_000_000_000)
+    let (_, date) = recording::client_time(path)?;
+    let date = date.unwrap_or(day * DAY);
+    Ok(date.saturating_mul(1_000_000_000))
 }

@@ -331,13 +331,16 @@ impl Server {
             "list" => {
                 let mut text = String::new();
                 let is_good = sim(&words, None, context, &mut |line| text.push_str(line)).await?;
+                // Comments stand above a setting, and what a fault does below its name.
+                let gap = if text.contains("\n\n") { "\n\n" } else { "\n" };
                 let matching = arguments.get("matching").and_then(|words| words.first());
-                if let Some(matching) = matching {
-                    // Comments stand above a setting, and what a fault does below its name.
-                    let gap = if text.contains("\n\n") { "\n\n" } else { "\n" };
-                    let parts = text.split(gap).filter(|part| part.contains(matching));
-                    text = parts.collect::<Vec<_>>().join(gap);
-                }
+                let parts = text.split(gap).filter_map(|part| match matching {
+                    Some(matching) => part.contains(matching).then_some(part),
+                    None => entry(part),
+                });
+                text = parts
+                    .collect::<Vec<_>>()
+                    .join(if matching.is_some() { gap } else { "\n" });
                 shown.add(&text);
                 Ok(is_good)
             }
@@ -400,6 +403,17 @@ impl Server {
             shown.add(line)
         })
         .await
+    }
+}
+
+/// What an entry of a list is called, without its meaning; `None` if it is none.
+fn entry(part: &str) -> Option<&str> {
+    let name = part.lines().find(|line| !line.starts_with("# "))?;
+    match name.strip_prefix("### ") {
+        Some(fault) => Some(fault),
+        // A setting, or a name.
+        None if name.contains(" = ") => Some(name),
+        None => name.split(' ').next().filter(|name| name.contains('.')),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Recordings of runs: written, read and played again.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::hash::Hasher as _;
@@ -12,7 +13,7 @@ use rigsim_core::device::Devices;
 use rigsim_core::rig::PortId;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
-use rigsim_runner::trace::{Onlooker, Record, Replay, ReplayError, Timed};
+use rigsim_runner::trace::{Header, Onlooker, Record, Replay, ReplayError, Timed};
 use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
 use crate::exit::{Exit, Failure};
@@ -200,6 +201,24 @@ fn play(lines: &mut Lines<'_>, mut replay: Replay<'_>) -> Result<Played, Failure
         }
     }
     Ok(replay.finish())
+}
+
+/// First line of a recording, as far as it can be read.
+pub(crate) fn header(path: &Path) -> Result<Option<Box<Header>>, Failure> {
+    Ok(match serde_json::from_str(Lines::open(path)?.first()?) {
+        Ok(Record::Header(header)) => Some(header),
+        _ => None,
+    })
+}
+
+/// Kind of time of a recording's client, and the date at which it begins, in seconds since 1970: the second line.
+pub(crate) fn client_time(path: &Path) -> Result<(Cow<'static, str>, Option<u64>), Failure> {
+    let mut lines = Lines::open(path)?;
+    lines.first()?;
+    Ok(match lines.next()?.map(serde_json::from_str) {
+        Some(Ok(Record::Time { client, date })) => (client, date),
+        _ => ("none".into(), None),
+    })
 }
 
 /// Plays a recording again up to a time. Its client has closed its ports then.

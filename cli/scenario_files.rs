@@ -75,12 +75,12 @@ impl Loaded {
     }
 
     /// That of a run which was played again.
-    pub(crate) fn replayed(run: &Run) -> Self {
+    pub(crate) fn replayed(run: &Run, world: Option<NamedText>) -> Self {
         let scenario = run.scenario().clone();
         Self {
             path: PathBuf::from(&scenario.source.file),
             scenario: Arc::new(scenario),
-            world: None,
+            world,
             parameters: Vec::new(),
             broken: None,
         }
@@ -96,14 +96,14 @@ impl Loaded {
                 toml::Value::from(path.display().to_string())
             )
         };
-        if !self.scenario.is_endless() {
-            return format!("schema = 1\n{}", line("base", &self.path));
-        }
         let rig = &self.scenario.rig;
-        let world = self.world.as_ref();
-        let world = world.map(|world| line("world", Path::new(&world.file)));
         let changed = config::changed(&rig.settings).into_iter();
         let changed: String = changed.map(|line| format!("settings.{line}\n")).collect();
+        if !self.scenario.is_endless() {
+            return format!("schema = 1\n{}{changed}", line("base", &self.path));
+        }
+        let world = self.world.as_ref();
+        let world = world.map(|world| line("world", Path::new(&world.file)));
         format!("{}{changed}{}", world.unwrap_or_default(), rig.to_toml())
     }
 

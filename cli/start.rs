@@ -38,7 +38,11 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
         live: true,
         trace: args.trace.is_some(),
     })?;
-    let mut session = Session::open(args, &loaded, run)?;
+    let begin = match args.scenario {
+        Some(_) => Begin::WithClient,
+        None => Begin::Now,
+    };
+    let mut session = Session::open(args, &loaded, run, begin)?;
     let ended = session.serve()?;
     if args.scenario.is_none() {
         session.finish(None)?;
@@ -80,8 +84,9 @@ pub(crate) fn replay(devices: Devices, args: &ReplayArgs) -> Result<Exit, Failur
     let run = recording::until(devices, &args.trace, SimTime::ZERO + until.0)?;
     let words = ["sim", "--control", &args.control.to_string()].map(OsString::from);
     let serve = Cli::parse(devices, &words).map_err(Failure::usage)?.serve;
-    let loaded = Loaded::replayed(&run);
-    let mut session = Session::open(&serve, &loaded, run)?;
+    let header = recording::header(&args.trace)?;
+    let loaded = Loaded::replayed(&run, header.and_then(|header| header.world));
+    let mut session = Session::open(&serve, &loaded, run, Begin::Paused)?;
     session.serve()?;
     session.finish(None)?;
     Ok(Exit::Clean)
@@ -99,13 +104,8 @@ struct Session {
 
 impl Session {
     /// Opens the ports and says so.
-    fn open(args: &ServeArgs, loaded: &Loaded, run: Run) -> Result<Self, Failure> {
+    fn open(args: &ServeArgs, loaded: &Loaded, run: Run, begin: Begin) -> Result<Self, Failure> {
         let (plan, seed) = (&loaded.scenario.rig, run.seed());
-        let begin = match args.scenario {
-            Some(_) => Begin::WithClient,
-            None if run.rig().now() > SimTime::ZERO => Begin::Paused,
-            None => Begin::Now,
-        };
         // Before anything is opened, so that a signal at any time leaves nothing behind.
         let mut waiter = Waiter::new().map_err(Failure::system)?;
         waiter.catch_signals().map_err(Failure::system)?;

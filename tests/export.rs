@@ -73,7 +73,9 @@ fn a_capture_has_a_packet_for_each_frame() {
 
 #[test]
 fn a_recording_has_values_frames_and_the_scenario() {
-    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let comes = "[[step]]\nat = \"500 ms\"\nworld = { add = { circle = [{ at_m = [9, 9], radius = \"20 cm\" }] } }\n";
+    let drive = format!("{DRIVE}{comes}");
+    let folder = Folder::with(&[("drive.toml", &drive)]);
     let run = [
         "run",
         "--seed",
@@ -100,7 +102,7 @@ fn a_recording_has_values_frames_and_the_scenario() {
     let count = |topic: &str, schema: &str| counts[&(topic.to_owned(), schema.to_owned())];
     let moments = count("/r150/truth", "rigsim.r150_truth");
     assert_eq!(count("/tf", "foxglove.FrameTransform"), moments);
-    assert_eq!(count("/world", "foxglove.SceneUpdate"), 1);
+    assert_eq!(count("/world", "foxglove.SceneUpdate"), 2);
     let traffic = folder.sim(&["trace", "drive.trace.jsonl"]).expect_clean();
     let frames = traffic.out.lines();
     let frames = frames.filter(|line| line.contains(" -> ") || line.contains(" <- "));
@@ -203,6 +205,22 @@ fn waits_of_a_client_are_recorded_for_perfetto_alone() {
     };
     let all = run("plain", &[]);
     assert!(all.iter().all(|record| record["kind"] != "wait"));
+    let export = ["trace", "plain/drive.trace.jsonl", "--export"];
+    let exported = folder.sim(&[&export[..], &["plain.perfetto-trace"]].concat());
+    assert_eq!(exported.code(), Some(0));
+    assert!(
+        exported.err.contains("nothing of the client's threads"),
+        "{}",
+        exported.err
+    );
+    // Times are those of the client's clock.
+    folder
+        .sim(&[&export[..], &["plain.mcap"]].concat())
+        .expect_clean();
+    let file = fs::read(folder.file("plain.mcap")).unwrap();
+    let first = mcap::MessageStream::new(&file).unwrap().next().unwrap();
+    let since = first.unwrap().log_time - 1_735_689_600 * 1_000_000_000;
+    assert!(since < 1_000_000_000, "2025-01-01 and {since} ns");
     let all = run("exported", &["--export", "perfetto", "--export-all"]);
     let waits = all.iter().filter(|record| record["kind"] == "wait");
     let waits = waits.map(|wait| {
@@ -294,6 +312,12 @@ fn a_replayed_run_goes_on_live() {
         ctl(&["resume"]).expect_clean();
         ctl(&["until", "truth.at_rest"]).expect_clean();
         assert!(now("truth.x_m").parse::<f64>().unwrap() < there("1500ms").parse::<f64>().unwrap());
+    });
+    assert_eq!(ended.code(), Some(0), "{}", ended.err);
+    let ended = goes_on(&folder, "0 s", |_, ctl| {
+        let state = ctl(&["state"]).expect_clean().out;
+        let state: Value = serde_json::from_str(&state).unwrap();
+        assert_eq!((&state["t"], &state["paused"]), (&json!(0.0), &json!(true)));
     });
     assert_eq!(ended.code(), Some(0), "{}", ended.err);
     let late = folder.sim(&["replay", "drive.trace.jsonl", "--until", "1h"]);
@@ -416,8 +440,11 @@ fn what_agents_send_wrongly_is_answered() {
             json!({"what": "faults", "matching": "cable-pulled"}),
         ),
         call(11, "list", json!({"what": "everything"})),
+        call(12, "list", json!({"what": "faults"})),
+        call(13, "list", json!({"what": "names", "device": "r150"})),
+        call(14, "list", json!({"what": "config", "device": "mecanum"})),
     ];
-    let answers = answers(&folder, &requests, 12);
+    let answers = answers(&folder, &requests, 15);
     let errors: Vec<i64> = answers
         .iter()
         .filter_map(|answer| answer["error"]["code"].as_i64())
@@ -426,7 +453,7 @@ fn what_agents_send_wrongly_is_answered() {
     assert_eq!(answers[0]["result"]["protocolVersion"], "2025-06-18");
     let text = |id: usize| {
         let result = &answers[id]["result"];
-        assert_eq!(result["isError"], id != 10, "{result}");
+        assert_eq!(result["isError"], id < 10 || id == 11, "{result}");
         result["content"][0]["text"].as_str().unwrap()
     };
     assert!(text(1).starts_with("`files` has to be a list of texts: Files or folders."));
@@ -447,6 +474,12 @@ fn what_agents_send_wrongly_is_answered() {
         "{}",
         text(10)
     );
+    // A whole list is whole.
+    let faults = harness::run(&["faults"]).expect_clean().out;
+    let missing = |line: &&str| line.starts_with("### ") && !text(12).contains(&line[4..]);
+    assert_eq!(faults.lines().find(missing), None);
+    assert!(text(13).contains("truth.y_m\n") && !text(13).contains("left out"));
+    assert!(text(14).contains("mecanum.ros_baud = \"") && !text(14).contains("left out"));
 }
 
 #[test]

@@ -20,8 +20,8 @@ use rigsim_core::SimTime;
 use rigsim_core::event::{Event, Level};
 use rigsim_core::message::Sender;
 use rigsim_physics::world::{Feature, FeatureKind};
-use rigsim_runner::Run;
 use rigsim_runner::trace::Record;
+use rigsim_runner::{Run, Scenario};
 use serde_json::json;
 
 use super::frames::Frame;
@@ -54,7 +54,10 @@ pub(super) struct Mcap {
     /// Faults that are active, of each device, as they are drawn.
     faults: Option<Vec<String>>,
     about: BTreeMap<String, String>,
-    scenario: (String, String),
+    /// What the run was made of, as it was read.
+    files: Vec<(String, String)>,
+    /// The world as it was drawn last.
+    world: Vec<LinePrimitive>,
     failures: Vec<serde_json::Value>,
     counts: BTreeMap<&'static str, u64>,
 }
@@ -83,10 +86,8 @@ impl Mcap {
             groups: Group::all(run),
             faults: None,
             about: known.map(|(key, value)| (key.to_owned(), value)).into(),
-            scenario: (
-                visible::name(&scenario.source.file),
-                scenario.source.text.clone(),
-            ),
+            files: files(scenario, about),
+            world: Vec::new(),
             failures: Vec::new(),
             counts: BTreeMap::new(),
         })
@@ -161,9 +162,18 @@ impl Mcap {
             self.groups.push(group);
         }
         let faults: Vec<String> = self.names.iter().map(|name| active(run, name)).collect();
-        if self.faults.is_none() {
+        let world = world(run);
+        if self.faults.is_none() || self.world != world {
+            self.world.clone_from(&world);
+            let world = SceneEntity {
+                timestamp: self.time(at),
+                frame_id: "world".to_owned(),
+                id: "world".to_owned(),
+                lines: world,
+                ..SceneEntity::default()
+            };
             let world = SceneUpdate {
-                entities: vec![world(run, self.time(at))],
+                entities: vec![world],
                 ..SceneUpdate::default()
             };
             self.put("/world", at, &world)?;
@@ -293,13 +303,13 @@ impl Mcap {
 
     fn end(&mut self) -> McapResult<()> {
         let report = json!({"run": self.about, "failures": self.failures, "events": self.counts});
-        let (file, text) = std::mem::take(&mut self.scenario);
-        let report = (
-            "report.json".to_owned(),
-            "application/json",
-            report.to_string(),
-        );
-        for (name, media_type, text) in [(file, "application/toml", text), report] {
+        let report = ("report.json".to_owned(), report.to_string());
+        let files = std::mem::take(&mut self.files).into_iter().chain([report]);
+        for (name, text) in files {
+            let media_type = match name.ends_with(".json") {
+                true => "application/json",
+                false => "application/toml",
+            };
             self.out.attach(&Attachment {
                 log_time: self.date,
                 create_time: self.date,
@@ -374,8 +384,19 @@ fn color([r, g, b]: [f64; 3], a: f64) -> Option<Color> {
     Some(Color { r, g, b, a })
 }
 
+/// The scenario, the files that it is based on, and the world file.
+fn files(scenario: &Scenario, about: &About) -> Vec<(String, String)> {
+    let source = &scenario.source;
+    let own = (&source.file, &source.text);
+    let others = source.base.iter().chain(&about.world);
+    let others = others.map(|other| (&other.file, &other.text));
+    let all = std::iter::once(own).chain(others);
+    all.map(|(file, text)| (visible::name(file), text.clone()))
+        .collect()
+}
+
 /// Everything that lies and stands around, as outlines.
-fn world(run: &Run, timestamp: Option<Timestamp>) -> SceneEntity {
+fn world(run: &Run) -> Vec<LinePrimitive> {
     let line = |feature: Feature| LinePrimitive {
         r#type: fg::line_primitive::Type::LineLoop.into(),
         thickness: 0.05,
@@ -393,13 +414,7 @@ fn world(run: &Run, timestamp: Option<Timestamp>) -> SceneEntity {
         ),
         ..LinePrimitive::default()
     };
-    SceneEntity {
-        timestamp,
-        frame_id: "world".to_owned(),
-        id: "world".to_owned(),
-        lines: run.rig().world().features().map(line).collect(),
-        ..SceneEntity::default()
-    }
+    run.rig().world().features().map(line).collect()
 }
 
 /// A vehicle in its own frame: red, and with their names, while faults are active.

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, UNIX_EPOCH};
 
 use anyhow::Context as _;
 use rigsim_embed::ports::ShownPort;
@@ -209,6 +209,14 @@ impl<'a> Case<'a> {
             requests.control.url()
         ));
         Ok(Some(requests))
+    }
+
+    /// Date at which the client's time begins, since 1970.
+    pub(crate) fn date(&self) -> Duration {
+        match self.time_word() {
+            "real" => UNIX_EPOCH.elapsed().unwrap_or_default(),
+            _ => self.args.date,
+        }
     }
 
     /// Command that shows the same again.

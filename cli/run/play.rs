@@ -78,7 +78,7 @@ impl<'a> Playing<'a> {
             },
         )?;
         if case.is_live() {
-            run.name_time(case.time_word());
+            run.name_time(case.time_word(), case.date().as_secs());
         }
         let trace = recording.map(TraceFile::create).transpose();
         let playing = Self {

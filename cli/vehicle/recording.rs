@@ -225,7 +225,7 @@ impl Recording {
         };
         let device = planned.device;
         let in_lockstep =
-            |record: &Record| matches!(record, Record::Time { client } if client == "lockstep");
+            |record: &Record| matches!(record, Record::Time { client, .. } if client == "lockstep");
         let mut recording = Self {
             devices,
             device,

@@ -35,7 +35,10 @@ fn drive(parts: &[&str], settings: &SimSettings, seed: u64) -> Recording {
     assert!(!all.is_empty());
     let port = PortRecord(0, 0);
     let client = "lockstep".into();
-    let mut records = vec![Record::Time { client }, Record::Attach { t: 1, port }];
+    let mut records = vec![
+        Record::Time { client, date: None },
+        Record::Attach { t: 1, port },
+    ];
     let mut t = 1_000_000;
     for frame in all.iter().flat_map(|one| &one.frames) {
         let bytes = Hexed(read_hex(frame.bytes.chars()).unwrap());

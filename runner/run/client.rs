@@ -121,10 +121,12 @@ impl Run {
         self.follows_bytes = true;
     }
 
-    /// Notes whose time a real client has, for the trace: `lockstep` or `real`.
-    pub fn name_time(&mut self, client: &'static str) {
+    /// Notes whose time a real client has, for the trace: `lockstep` or `real`; and the date at which that
+    /// begins, in seconds since 1970.
+    pub fn name_time(&mut self, client: &'static str, date: u64) {
         self.record(|| Record::Time {
             client: client.into(),
+            date: Some(date),
         });
     }
 

@@ -26,6 +26,9 @@ pub enum Record {
     Header(Box<Header>),
     Time {
         client: Cow<'static, str>,
+        /// Seconds since 1970.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        date: Option<u64>,
     },
     Attach {
         t: u64,

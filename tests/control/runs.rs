@@ -49,6 +49,8 @@ fn a_client_controls_the_run_that_plays_it() {
             "1",
             "--control",
             "127.0.0.1:0",
+            "--set",
+            "r150.reply_delay=6ms",
             "--output",
             output,
         ];
@@ -62,7 +64,12 @@ fn a_client_controls_the_run_that_plays_it() {
         let again = harness::run(&["replay", path.to_str().unwrap()]);
         assert_eq!(again.code(), Some(0), "{}{}", again.out, again.err);
         // What was done by hand can be added to the file that is played.
-        assert!(folder.read("again.toml").contains("base = \"/"));
+        let saved = folder.read("again.toml");
+        assert!(saved.contains("base = \"/"), "{saved}");
+        assert!(
+            saved.contains("settings.r150.reply_delay = \"6ms\"\n"),
+            "{saved}"
+        );
         let path = folder.file("again.toml");
         let checked = harness::run(&["check", path.to_str().unwrap()]);
         assert_eq!(checked.code(), Some(0), "{}{}", checked.out, checked.err);
