@@ -260,19 +260,26 @@ int main(void) {
   unsigned long context = 0;
   printf("%d", syscall(SYS_io_uring_setup, 8, 0) == -1 && errno == ENOSYS);
   printf("%d", syscall(SYS_io_setup, 8, &context) == -1 && errno == ENOSYS);
+  int word = 0;
+  printf("%d", syscall(SYS_futex, &word, 11, 0, 0, &word) == -1 && errno == ENOSYS);
   printf("%d\n", syscall(449, 0, 0, 0, 0, 0) == -1 && errno == ENOSYS);
 }
 "#,
     );
     let Some(played) = played else { return };
-    assert_eq!(played.output, "1111\n");
+    assert_eq!(played.output, "11111\n");
     let refused: Vec<&String> = played.ending.refused.iter().collect();
     assert!(refused[0].starts_with("a debugger"), "{refused:?}");
     let missing: Vec<&str> = played.ending.missing.iter().map(String::as_str).collect();
     assert!(
-        ["futex_waitv", "io_setup", "io_uring_setup"]
-            .iter()
-            .all(|call| missing.contains(call)),
+        [
+            "futex (REQUEUE_PI)",
+            "futex_waitv",
+            "io_setup",
+            "io_uring_setup"
+        ]
+        .iter()
+        .all(|call| missing.contains(call)),
         "{missing:?}"
     );
 

@@ -75,7 +75,10 @@ impl Tracer<'_> {
             // The older form always goes by the date.
             libc::FUTEX_LOCK_PI => self.lock_with_inheritance(entry, libc::CLOCK_REALTIME),
             libc::FUTEX_LOCK_PI2 => self.lock_with_inheritance(entry, clock),
-            libc::FUTEX_WAIT_REQUEUE_PI | libc::FUTEX_CMP_REQUEUE_PI => Ok(failure(libc::ENOSYS)),
+            libc::FUTEX_WAIT_REQUEUE_PI | libc::FUTEX_CMP_REQUEUE_PI => {
+                self.report.missing.insert("futex (REQUEUE_PI)".to_owned());
+                Ok(failure(libc::ENOSYS))
+            }
             _ => Ok(Handling::Make),
         }
     }
