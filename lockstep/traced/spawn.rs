@@ -8,6 +8,7 @@ use std::os::unix::net::UnixStream;
 
 use crate::traced::arch;
 use crate::traced::sys::{self, Tid, child::Image};
+use crate::traced::syscall::{call_name, int};
 use crate::{Error, Program, copies};
 
 /// A program on its way: traced, and let go.
@@ -20,15 +21,13 @@ pub(crate) struct Starting {
 impl Starting {
     /// Reason for which the program did not begin, if it did not; it has, or has ended.
     pub(crate) fn failure(&mut self) -> Option<Error> {
-        let mut number = [0; 4];
-        self.line.read_exact(&mut number).ok()?;
-        let number = i32::from_ne_bytes(number);
-        let error = io::Error::from_raw_os_error(number.saturating_abs());
-        Some(match number {
-            ..0 => Error::Unsupported(format!(
-                "this system does not let a program be prepared for being traced ({error})"
-            )),
-            0.. => Error::NotStarted(error),
+        let mut failed = [0; 8];
+        self.line.read_exact(&mut failed).ok()?;
+        let failed = i64::from_ne_bytes(failed);
+        let error = io::Error::from_raw_os_error(int(failed.cast_unsigned()));
+        Some(match failed >> 32 {
+            libc::SYS_execve => Error::NotStarted(error),
+            call => unsupported(&call_name(call), &error),
         })
     }
 }
@@ -68,9 +67,19 @@ pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Err
 }
 
 fn unsupported(call: &str, error: &io::Error) -> Error {
-    Error::Unsupported(format!(
-        "this system refuses {call} ({error}), which a container's seccomp profile has to allow"
-    ))
+    let scope = std::fs::read_to_string("/proc/sys/kernel/yama/ptrace_scope");
+    let remedy = remedy(call, scope.unwrap_or_default().trim());
+    Error::Unsupported(format!("this system refuses {call} ({error}), {remedy}"))
+}
+
+fn remedy(call: &str, scope: &str) -> &'static str {
+    match (call, scope) {
+        ("ptrace", "2" | "3") => {
+            "since Yama forbids it: /proc/sys/kernel/yama/ptrace_scope has to be 0 or 1 (a 3 stays until \
+             the next boot)"
+        }
+        _ => "which a container's seccomp profile has to allow",
+    }
 }
 
 fn strings(bytes: impl Iterator<Item = Vec<u8>>) -> io::Result<Vec<CString>> {
@@ -92,4 +101,16 @@ fn environment(program: &Program<'_>) -> impl Iterator<Item = Vec<u8>> {
         name.push(value);
         name.into_vec()
     })
+}
+
+#[test]
+fn what_refuses_ptrace_is_named() {
+    let calls = [
+        ("1", "ptrace"),
+        ("2", "seccomp"),
+        ("2", "ptrace"),
+        ("3", "ptrace"),
+    ];
+    let is_yama = calls.map(|(scope, call)| remedy(call, scope).contains("Yama"));
+    assert_eq!(is_yama, [false, false, true, true]);
 }

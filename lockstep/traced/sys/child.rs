@@ -43,7 +43,7 @@ impl<'a> Image<'a> {
 
 /// Forks. The child has no descriptors but these streams and `line`, where it reports that with a byte and
 /// waits until it is traced. Then it becomes the program; `line` is closed, or tells the number of the
-/// error, less than 0 if the system forbids what has to be done before.
+/// syscall that failed, above that of the error.
 pub(crate) fn fork(
     image: &Image<'_>,
     line: BorrowedFd<'_>,
@@ -61,18 +61,18 @@ pub(crate) fn fork(
     let mut go = [0];
     let _ = rustix::io::write(line, &go);
     if rustix::io::read(line, &mut go) == Ok(1) {
-        let number = |error: io::Error| error.raw_os_error().unwrap_or(libc::EINVAL);
-        let prepared = streams.map_err(io::Error::from);
-        let failed = match prepared.and_then(|()| prepare(image)) {
+        let prepared = streams.map_err(failed(libc::SYS_dup2));
+        let (call, number) = match prepared.and_then(|()| prepare(image)) {
             Ok(()) => {
                 let (words, environment) = (image.words.as_ptr(), image.environment.as_ptr());
                 // SAFETY: all strings end with a null, and so do the lists of them.
                 unsafe { libc::execvpe(image.file.as_ptr(), words, environment) };
-                number(io::Error::last_os_error())
+                failed(libc::SYS_execve)(io::Error::last_os_error())
             }
-            Err(error) => -number(error),
+            Err(failure) => failure,
         };
-        let _ = rustix::io::write(line, &failed.to_ne_bytes());
+        let failure = call << 32 | i64::from(number);
+        let _ = rustix::io::write(line, &failure.to_ne_bytes());
     }
     // SAFETY: nothing of this program is run.
     unsafe { libc::_exit(127) }
@@ -93,15 +93,21 @@ fn close_others(line: RawFd) {
     }
 }
 
-fn prepare(image: &Image<'_>) -> io::Result<()> {
+/// Makes an error the numbers of the syscall and of the error.
+fn failed<E: Into<io::Error>>(call: i64) -> impl FnOnce(E) -> (i64, i32) {
+    move |error| (call, error.into().raw_os_error().unwrap_or(libc::EINVAL))
+}
+
+fn prepare(image: &Image<'_>) -> Result<(), (i64, i32)> {
     let program = libc::sock_fprog {
-        len: u16::try_from(image.filter.len()).map_err(|_| io::ErrorKind::InvalidInput)?,
+        len: u16::try_from(image.filter.len()).map_err(|_| (libc::SYS_seccomp, libc::EINVAL))?,
         filter: image.filter.as_ptr().cast_mut(),
     };
     // Ctrl-C is for the tracer, which then ends it.
-    setpgid(None, None)?;
-    set_time_stamp_counter_readability(TimeStampCounterReadability::RaiseSIGSEGV)?;
-    set_no_new_privs(true)?;
+    setpgid(None, None).map_err(failed(libc::SYS_setpgid))?;
+    set_time_stamp_counter_readability(TimeStampCounterReadability::RaiseSIGSEGV)
+        .and_then(|()| set_no_new_privs(true))
+        .map_err(failed(libc::SYS_prctl))?;
     // SAFETY: takes numbers, a set that is filled before, and a filter that outlives the call.
     unsafe {
         // What this program ignores or blocks is its own affair.
@@ -115,6 +121,8 @@ fn prepare(image: &Image<'_>) -> io::Result<()> {
             libc::personality(persona.unsigned_abs().into());
         }
         let set = libc::SECCOMP_SET_MODE_FILTER;
-        check(libc::syscall(libc::SYS_seccomp, set, 0, &raw const program)).map(drop)
+        let call = libc::SYS_seccomp;
+        check(libc::syscall(call, set, 0, &raw const program)).map_err(failed(call))?;
     }
+    Ok(())
 }
