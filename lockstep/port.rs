@@ -13,7 +13,9 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
 use rustix::fs::{CWD, Mode, OFlags};
 use rustix::io::Errno;
-use rustix::termios::{LocalModes, OutputModes, QueueSelector, SpecialCodeIndex, Termios};
+use rustix::termios::{
+    InputModes, LocalModes, OutputModes, QueueSelector, SpecialCodeIndex, Termios,
+};
 
 /// Most bytes that go to the kernel at once, whose own limit is 4095.
 const MOST_IN_KERNEL: usize = 3072;
@@ -69,6 +71,8 @@ pub struct Port {
     pub(crate) has_signalled: bool,
     /// The kernel has bytes that stand for those that wait.
     has_sign: bool,
+    /// The device has stopped what the client writes (`VSTOP`), and not started it again.
+    stopped: bool,
     lost: u64,
     /// Open descriptions of it that clients hold.
     pub(crate) opened: usize,
@@ -103,6 +107,7 @@ impl Port {
             needs_sign: false,
             has_signalled: false,
             has_sign: false,
+            stopped: false,
             lost: 0,
             opened: 0,
             modem: 0,
@@ -160,6 +165,7 @@ impl Port {
         };
         self.waiting.clear();
         (self.in_kernel, self.needs_sign, self.has_sign) = (false, false, false);
+        self.stopped = false;
         self.modem = 0;
         self.former.push_back(pair.hang_up()?);
         if self.former.len() > MOST_FORMER {
@@ -184,6 +190,7 @@ impl Port {
         if !self.is_open() || self.pair.is_none() {
             return Ok(());
         }
+        let bytes = &self.control_flow(bytes)[..];
         let room = MOST_WAITING.saturating_sub(self.waiting.len());
         let (kept, lost) = bytes.split_at(bytes.len().min(room));
         self.lost += lost.len() as u64;
@@ -193,6 +200,33 @@ impl Port {
             self.take_sign();
         }
         self.top_up()
+    }
+
+    /// Takes out the bytes by which the device stops and starts what the client writes (`IXON`).
+    fn control_flow(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut bytes = bytes.to_vec();
+        let termios = self.termios();
+        if let Some(termios) = termios.filter(|one| one.input_modes.contains(InputModes::IXON)) {
+            let any = termios.input_modes.contains(InputModes::IXANY);
+            let codes = [SpecialCodeIndex::VSTART, SpecialCodeIndex::VSTOP];
+            let codes = codes.map(|code| termios.special_codes[code]);
+            bytes.retain(|byte| {
+                // Zero is none.
+                let is_control = *byte != 0 && codes.contains(byte);
+                self.stopped = match is_control {
+                    true => *byte != codes[0],
+                    false => self.stopped && !any,
+                };
+                !is_control
+            });
+        }
+        bytes
+    }
+
+    /// Returns whether the device has stopped what the client writes.
+    pub(crate) fn is_stopped(&self) -> bool {
+        let modes = self.termios().map(|termios| termios.input_modes);
+        self.stopped && modes.is_some_and(|modes| modes.contains(InputModes::IXON))
     }
 
     /// Brings the kernel's end to what waits: bytes, if the terminal is not raw; else whether there are
@@ -279,7 +313,7 @@ impl Port {
     pub(crate) fn forget_client(&mut self) {
         self.waiting.clear();
         // An epoll may watch it for the next client already, so it needs signs as before.
-        self.has_sign = false;
+        (self.has_sign, self.stopped) = (false, false);
         self.modem = 0;
         if let Some(pair) = &self.pair {
             // Both cannot fail on a terminal that is there.
@@ -297,6 +331,7 @@ impl Port {
     /// The client changes the settings.
     pub(crate) fn forget_settings(&mut self) {
         self.take_sign();
+        self.stopped = self.is_stopped();
         if let Some(pair) = &mut self.pair {
             pair.settings.take();
         }
@@ -317,15 +352,15 @@ impl Port {
     }
 
     pub(crate) fn read_rule(&self) -> ReadRule {
-        let (least, tenths) = match self.termios() {
-            None => (Some(1), 0),
-            Some(termios) if termios.local_modes.contains(LocalModes::ICANON) => (None, 0),
-            Some(Termios { special_codes, .. }) => {
-                let least = special_codes[SpecialCodeIndex::VMIN].into();
-                (Some(least), special_codes[SpecialCodeIndex::VTIME])
-            }
-        };
-        let patience = (tenths > 0).then(|| Duration::from_millis(100 * u64::from(tenths)));
+        let (mut least, mut patience) = (Some(1), None);
+        if let Some(termios) = self.termios() {
+            let is_raw = !termios.local_modes.contains(LocalModes::ICANON);
+            let [min, tenths] = [SpecialCodeIndex::VMIN, SpecialCodeIndex::VTIME]
+                .map(|index| termios.special_codes[index]);
+            least = is_raw.then_some(min.into());
+            patience =
+                (is_raw && tenths > 0).then(|| Duration::from_millis(100 * u64::from(tenths)));
+        }
         ReadRule { least, patience }
     }
 
@@ -356,11 +391,10 @@ impl Port {
 
     /// What a poll says of it.
     pub(crate) fn readiness(&self) -> PollFlags {
-        let room = PollFlags::OUT | PollFlags::WRNORM;
-        match self.is_readable() {
-            true => room | PollFlags::IN | PollFlags::RDNORM,
-            false => room,
-        }
+        let mut found = PollFlags::empty();
+        found.set(PollFlags::OUT | PollFlags::WRNORM, !self.is_stopped());
+        found.set(PollFlags::IN | PollFlags::RDNORM, self.is_readable());
+        found
     }
 
     fn is_readable(&self) -> bool {
@@ -377,33 +411,43 @@ impl Port {
     /// Takes what the client could read; `None` if it would have to wait.
     pub(crate) fn read(&mut self, most: usize) -> Option<Vec<u8>> {
         let most = most.min(MOST_READ);
-        match &self.pair {
-            Some(pair) if self.in_kernel => read(&pair.slave, most),
-            _ if self.waiting.is_empty() => None,
-            _ => Some(self.waiting.drain(..most.min(self.waiting.len())).collect()),
+        if self.in_kernel {
+            let mut bytes = read(&self.pair.as_ref()?.slave, most)?;
+            // But for lines, what waits follows as soon as there is nothing before it.
+            let has_lines = self.read_rule().least.is_none();
+            while !has_lines && bytes.len() < most && self.top_up().is_ok() {
+                match read(&self.pair.as_ref()?.slave, most - bytes.len()) {
+                    Some(more) if !more.is_empty() => bytes.extend(more),
+                    _ => break,
+                }
+            }
+            return Some(bytes);
         }
+        let count = most.min(self.waiting.len());
+        (!self.waiting.is_empty()).then(|| self.waiting.drain(..count).collect())
     }
 
     /// Bytes that a terminal makes of those that are written to it.
     pub(crate) fn cooked(&self, bytes: &[u8]) -> Vec<u8> {
         let modes = self.termios().map(|termios| termios.output_modes);
         let modes = modes.unwrap_or(OutputModes::empty());
-        if !modes.contains(OutputModes::OPOST | OutputModes::ONLCR) {
-            return bytes.to_vec();
-        }
-        let mut cooked = Vec::with_capacity(bytes.len() + 8);
-        for &byte in bytes {
-            if byte == b'\n' {
-                cooked.push(b'\r');
+        let has = |mode| modes.contains(OutputModes::OPOST | mode);
+        let cooked = bytes.iter().flat_map(|&byte| match byte {
+            b'\n' if has(OutputModes::ONLCR) => [Some(b'\r'), Some(byte)],
+            b'\r' if has(OutputModes::OCRNL) => [Some(b'\n'), None],
+            // As the kernel has it, letters of Latin-1.
+            b'a'..=b'z' | 0xDF..=0xF6 | 0xF8.. if has(OutputModes::OLCUC) => {
+                [Some(byte - 0x20), None]
             }
-            cooked.push(byte);
-        }
-        cooked
+            _ => [Some(byte), None],
+        });
+        cooked.flatten().collect()
     }
 
     /// Bytes that the terminal itself sends back, as an echo of what came.
     pub(crate) fn take_echo(&self) -> Vec<u8> {
-        let pair = self.pair.as_ref().filter(|_| self.in_kernel);
+        let pair = self.pair.as_ref();
+        let pair = pair.filter(|_| self.in_kernel && !self.is_stopped());
         let echo = pair.and_then(|pair| read(&pair.master, MOST_READ));
         echo.unwrap_or_default()
     }

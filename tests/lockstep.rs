@@ -237,6 +237,73 @@ fn a_port_that_is_not_raw_is_an_event_in_both_times() {
     }
 }
 
+/// Outputs A and B are set to bytes that the terminal takes for itself when they are asked for.
+#[test]
+fn a_port_with_flow_control_or_translation_is_the_same_in_both_times() {
+    let Some(python) = python() else { return };
+    let code = r#"
+import os, select, termios, time
+fd = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+raw = termios.tcgetattr(fd)
+def crc(data):
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8): value = value >> 1 ^ (0x8408 if value & 1 else 0)
+    return (value ^ 0xFFFF).to_bytes(2, "little")
+def outputs(*duties):
+    data = b"\3" + b"".join(duty.to_bytes(2, "little") for duty in duties)
+    return b"\xaa\x55\x08" + data + crc(data)
+ask = b"\xaa\x55\0\4" + crc(b"\4")
+def set(index, flags):
+    settings = list(raw)
+    settings[index] |= flags
+    termios.tcsetattr(fd, termios.TCSANOW, settings)
+def answer(*requests):
+    for request in requests:
+        os.write(fd, request)
+        time.sleep(0.3)
+    return os.read(fd, 99).hex()
+def writable(): return bool(select.select([], [fd], [], 0)[1])
+answer(outputs(0x13, 0x12, 0, 0))
+set(0, termios.IXON)
+print("stopped", answer(ask), writable())
+try: os.write(fd, ask)
+except BlockingIOError: print("full")
+set(0, 0)
+print("raw", writable(), answer(ask))
+set(0, termios.IXON)
+print("started", answer(ask + outputs(0x11, 0x12, 0, 0) + ask), writable())
+set(0, 0)
+answer(outputs(0x13, 0x12, 0, 0))
+set(0, termios.IXON | termios.IXANY)
+print("any", answer(ask), writable())
+for flag, come in (termios.OCRNL, (10, 97, 225)), (termios.OLCUC, (13, 65, 193)):
+    # With a checksum that is not translated.
+    rests = (outputs(*come, last)[-4:] for last in range(200))
+    rest = next(rest for rest in rests if not any(b in b"\r\n" or 97 <= b <= 122 or b > 222 for b in rest))
+    set(1, termios.OPOST | flag)
+    os.write(fd, outputs(13, 97, 225, 0)[:-4] + rest)
+    time.sleep(0.3)
+    set(1, 0)
+    print("translated", answer(ask)[:36])
+"#;
+    let play = |time| {
+        let quiet = DRIVE[..DRIVE.find("[[step]]").unwrap()].replace("\"4 s\"", "\"8 s\"");
+        let folder = Folder::with(&[("drive.toml", &quiet)]);
+        let args = ["run", "--time", time, "--output", "out", "drive.toml", "--"];
+        let ended = folder.sim(&[&args[..], &[python, "-c", code]].concat());
+        let output = folder.read("out/drive.client.log");
+        assert!(
+            output.contains("translated"),
+            "{time}: {output}{}",
+            ended.out
+        );
+        output
+    };
+    assert_eq!(play("lockstep"), play("real"));
+}
+
 #[test]
 fn how_a_client_ends_is_judged() {
     script(

@@ -332,6 +332,8 @@ played("ICRNL", 0, termios.ICRNL)
 played("ISTRIP", 0, termios.ISTRIP)
 played("OPOST", 1, termios.OPOST | termios.ONLCR)
 played("ICANON", 3, termios.ICANON)
+played("OCRNL", 1, termios.OPOST | termios.OCRNL)
+played("OLCUC", 1, termios.OPOST | termios.OLCUC)
 "#;
     let Some(played) = python(code) else { return };
     let expected = r"raw b'A\x03B\x11C\x13D\rE\xe1\x1a\n' 0.35
@@ -345,9 +347,46 @@ ICRNL b'A\x03B\x11C\x13D\nE\xe1\x1a\n' 2.8
 ISTRIP b'A\x03B\x11C\x13D\rEa\x1a\n' 3.15
 OPOST b'A\x03B\x11C\x13D\rE\xe1\x1a\r\n' 3.5
 ICANON b'A\x03B\x11C\x13D\rE\xe1\x1a\n' 3.85
+OCRNL b'A\x03B\x11C\x13D\nE\xe1\x1a\n' 4.2
+OLCUC b'A\x03B\x11C\x13D\rE\xc1\x1a\n' 4.55
 ";
     assert_eq!(played.output, expected, "{:?}", played.ending);
     assert!(played.took.as_secs() < 20, "{:?}", played.took);
+}
+
+/// The device stops what the client writes, and starts it again.
+#[test]
+fn a_port_with_flow_control_is_stopped_by_the_device() {
+    let code = r#"
+import os, select, termios, time
+def opened():
+    fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
+    return fd, termios.tcgetattr(fd)
+(fd, raw), start = opened(), time.monotonic()
+def at(): return round(time.monotonic() - start, 2)
+def set(flags):
+    termios.tcsetattr(fd, termios.TCSANOW, [raw[0] | flags, *raw[1:]])
+def stopped(): return not select.select([], [fd], [], 0)[1]
+set(termios.IXON)
+os.write(fd, b"a\x13b\n"); time.sleep(0.02); os.write(fd, b"c\x11d\n"); time.sleep(0.04)
+print(stopped(), os.read(fd, 9), at())
+os.set_blocking(fd, False)
+try: os.write(fd, b"no\n")
+except BlockingIOError: print("full")
+os.set_blocking(fd, True)
+os.write(fd, b"e\n"); print(stopped(), os.read(fd, 9), at())
+os.write(fd, b"\x13\n"); time.sleep(0.06); print(stopped())
+set(0); set(termios.IXON); print(stopped())
+set(termios.IXON | termios.IXANY)
+os.write(fd, b"\x13\n"); time.sleep(0.06); print(stopped())
+set(termios.IXON)
+os.write(fd, b"\n\x13"); os.write(fd, b"\n"); time.sleep(0.06); print(stopped())
+os.close(fd); fd, _ = opened(); set(termios.IXON); print(stopped())
+"#;
+    let Some(played) = python(code) else { return };
+    let expected =
+        "True b'AB\\n' 0.06\nfull\nFalse b'CD\\n' 0.07\nTrue\nFalse\nFalse\nTrue\nFalse\n";
+    assert_eq!(played.output, expected, "{:?}", played.ending);
 }
 
 #[test]

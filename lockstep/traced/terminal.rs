@@ -108,7 +108,7 @@ impl Tracer<'_> {
         let Some(line) = self.ports[index].line()? else {
             return Ok(bytes.len());
         };
-        if bytes.is_empty() {
+        if bytes.is_empty() || self.ports[index].is_stopped() {
             return Ok(0);
         }
         Ok(self.world.sent(index, line, self.now, bytes)?)
