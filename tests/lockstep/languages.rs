@@ -46,6 +46,24 @@ fn a_client_in_python_with_asyncio() {
 }
 
 #[test]
+fn a_client_in_python_with_processes() {
+    let Some(python) = python() else { return };
+    for kind in ["multiprocessing", "subprocess"] {
+        drives(&folder(), &[python, &client("with_processes.py"), kind]);
+    }
+}
+
+#[test]
+fn a_client_in_c_with_poll() {
+    if !has("cc", &["--version"]) {
+        return;
+    }
+    let folder = folder();
+    let binary = built(&folder, "cc", &[&client("with_poll.c")]);
+    drives(&folder, &[&binary]);
+}
+
+#[test]
 fn a_client_in_cpp_with_threads_and_conditions() {
     if !has("c++", &["--version"]) {
         return;
@@ -149,6 +167,22 @@ fn a_client_in_shell() {
     drives(&folder(), &["bash", &client("script.sh")]);
 }
 
+#[test]
+fn a_client_in_shell_with_socat() {
+    if has("socat", &["-V"]) {
+        drives(&folder(), &["bash", &client("with_socat.sh")]);
+    }
+}
+
+/// By default it shares files in `/tmp` with all others that run.
+#[test]
+fn a_client_in_java_with_threads() {
+    if has("java", &["-version"]) {
+        let flag = "-XX:-UsePerfData";
+        drives(&folder(), &["java", flag, &client("Client.java")]);
+    }
+}
+
 /// Clients that one program of the system plays.
 macro_rules! played {
     ($($name:ident: $program:literal $file:literal;)+) => {$(
@@ -169,5 +203,4 @@ played! {
     a_client_in_php_with_stream_select: "php" "client.php";
     a_client_in_tcl_with_events: "tclsh" "client.tcl";
     a_client_in_lua_with_children: "lua5.4" "client.lua";
-    a_client_in_java_with_threads: "java" "Client.java";
 }
