@@ -79,6 +79,8 @@ pub struct Entry {
     pub allowed: String,
     /// The ends of its range as TOML literals, or of the range of each value of a list.
     pub range: Option<[String; 2]>,
+    /// Only whole numbers are allowed.
+    pub whole: bool,
     /// The JSON Schema of its values.
     pub schema: schemars::Schema,
     /// Documented behaviour or our assumption.

@@ -81,6 +81,7 @@ macro_rules! settings {
                         range: $crate::settings!(@range $($range)?).and_then(|range| {
                             <$ty as $crate::SettingValue>::ends($crate::settings!(@unit $($unit)?), range)
                         }),
+                        whole: <$ty as $crate::SettingValue>::WHOLE,
                         schema: <$ty as $crate::SettingValue>::schema(
                             $crate::settings!(@unit $($unit)?),
                             $crate::settings!(@range $($range)?),

@@ -54,6 +54,9 @@ pub trait SettingValue: Sized + Clone {
     /// [`Infallible`](std::convert::Infallible) of a type that has no range.
     type Bound: PartialOrd;
 
+    /// Only whole numbers are allowed.
+    const WHOLE: bool = false;
+
     /// Takes `value` if it has the right form.
     ///
     /// # Errors
@@ -181,6 +184,8 @@ impl SettingValue for f64 {
 }
 
 impl SettingValue for u32 {
+    const WHOLE: bool = true;
+
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         let number = match value {
             Value::Integer(_) if !unit.is_empty() => return Err(lacks_unit(value, unit)),
@@ -328,6 +333,8 @@ impl<T: SettingValue, const N: usize> SettingValue for [T; N] {
 /// A number that `"off"` switches off.
 impl<T: SettingValue> SettingValue for Option<T> {
     type Bound = T::Bound;
+
+    const WHOLE: bool = T::WHOLE;
 
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         match value {

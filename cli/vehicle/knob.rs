@@ -90,14 +90,14 @@ impl Knob {
             return Vec::new();
         };
         let end = entry.range.as_ref().and_then(|[_, end]| quantity(end));
-        let is_time = entry.allowed.contains("a time");
+        let is_time = parse_quantity(text, "s").is_ok();
         let step = match (value == 0.0, is_time) {
             (false, _) if unit == "degC" => 5.0,
             (false, _) => STEP * value.abs(),
             (true, true) => TIME_STEP,
             (true, false) => end.map_or(1.0, |(end, _)| end / 100.0),
         };
-        let form = match entry.allowed.contains("a whole number") {
+        let form = match entry.whole {
             true => Form::Whole(unit),
             false => Form::One(unit),
         };
