@@ -28,7 +28,7 @@ macro_rules! words {
 
             /// The word that stands for it.
             #[must_use]
-            pub fn as_str(self) -> &'static str {
+            pub const fn as_str(self) -> &'static str {
                 match self { $( Self::$variant => $word ),+ }
             }
         }

@@ -17,20 +17,33 @@ pub const HIGHEST: i32 = 32_768;
 /// The longest line of a client, without its end: four times the longest command.
 pub const LONGEST: usize = 32;
 
-rigsim_settings::words! {
-    /// A letter that begins a command.
-    pub enum Letter {
-        /// `X`.
-        X = "X",
-        /// `Y`.
-        Y = "Y",
-        /// `Z`.
-        Z = "Z",
-        /// `A`.
-        A = "A",
-        /// `B`.
-        B = "B",
-    }
+/// Declares the lines of clients: the letters, and what each means.
+macro_rules! commands {
+    ($($letter:ident $word:literal $text:literal)*) => {
+        rigsim_settings::words! {
+            /// A letter that begins a command.
+            pub enum Letter { $( #[doc = $text] $letter = $word, )* }
+        }
+
+        /// Lines of clients, by letter. What Y and Z mean is a choice.
+        pub static COMMANDS: [MessageInfo; Letter::ALL.len()] = [$( MessageInfo {
+            motion: true,
+            count: concat!("count.command_line_", $word),
+            ..MessageInfo::new(Sender::Client, 1, const { &[FieldInfo {
+                named: &["client.distance"],
+                ..FieldInfo::decimal($word, "tenths", "Distance and its sign.", "1/10 rev")
+            }] })
+            .named($word.as_bytes()[0], $word, $text)
+        } ),*];
+    };
+}
+
+commands! {
+    X "X" "Forward."
+    Y "Y" "Strafe, or rotate."
+    Z "Z" "Rotate, or strafe."
+    A "A" "To the left front."
+    B "B" "To the right front."
 }
 
 impl Letter {
@@ -49,27 +62,6 @@ pub struct Command {
     /// Distance, and its sign.
     pub tenths: i32,
 }
-
-macro_rules! motions {
-    ($($letter:literal $text:literal)*) => { [$( MessageInfo {
-        motion: true,
-        count: concat!("count.command_line_", $letter),
-        ..MessageInfo::new(Sender::Client, 1, const { &[FieldInfo {
-            named: &["client.distance"],
-            ..FieldInfo::decimal($letter, "tenths", "Distance and its sign.", "1/10 rev")
-        }] })
-        .named($letter.as_bytes()[0], $letter, $text)
-    } ),*] };
-}
-
-/// Lines of clients, by letter. What Y and Z mean is a choice.
-pub static COMMANDS: [MessageInfo; 5] = motions! {
-    "X" "Forward."
-    "Y" "Strafe, or rotate."
-    "Z" "Rotate, or strafe."
-    "A" "To the left front."
-    "B" "To the right front."
-};
 
 /// Lines of the board.
 pub static REPORTS: [MessageInfo; 1] = [MessageInfo {
@@ -121,17 +113,6 @@ impl Report {
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         format!("{self} \n").into_bytes()
-    }
-
-    /// Reads a line as a client does, with or without its end.
-    #[must_use]
-    pub fn parse(line: &[u8]) -> Option<Self> {
-        let line = std::str::from_utf8(line).ok()?;
-        let (speed, mileage) = line.trim_ascii().strip_prefix('V')?.split_once(" S")?;
-        Some(Self {
-            speed: speed.parse().ok()?,
-            mileage: mileage.parse().ok()?,
-        })
     }
 }
 

@@ -157,17 +157,19 @@ struct SignalKeys {
     from_output: Option<ChannelText>,
 }
 
-/// A PWM input or output.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
-enum ChannelText {
-    /// A.
-    A,
-    /// B.
-    B,
-    /// C.
-    C,
-    /// D.
-    D,
+rigsim_settings::words! {
+    /// A PWM input or output.
+    #[derive(Deserialize, JsonSchema)]
+    enum ChannelText {
+        /// A.
+        A = "A",
+        /// B.
+        B = "B",
+        /// C.
+        C = "C",
+        /// D.
+        D = "D",
+    }
 }
 
 impl TryFrom<SignalKeys> for SignalText {
@@ -183,13 +185,13 @@ impl TryFrom<SignalKeys> for SignalText {
             (None, _) if keys.duty.is_some() || keys.high.is_some() => {
                 return Err("`duty` and `high` are a generator's, which has a `frequency`");
             }
-            (None, Some(output)) => PwmSource::OwnOutput(output as usize),
+            (None, Some(output)) => PwmSource::OwnOutput(output.index()),
             (None, None) => PwmSource::None,
             (Some(_), Some(_)) => {
                 return Err("a signal has only one of `frequency` and `from_output`");
             }
         };
-        let input = keys.input as usize;
+        let input = keys.input.index();
         Ok(Self { input, source })
     }
 }

@@ -1,6 +1,6 @@
 //! Names of conditions about an R150.
 
-use rigsim_physics::r150::{R150Health, R150Measurements, R150Truth, Rail};
+use rigsim_physics::r150::{FuseId, Pair, R150Health, R150Measurements, R150Truth, Rail};
 
 use super::R150;
 use crate::device::names::as_number;
@@ -46,12 +46,11 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::number("truth.battery_v", "V", "voltage at the battery's terminals", |v| truth(v, |t| t.battery_voltage)),
     NameInfo::number("truth.battery_a", "A", "current out of the battery, negative while charging", |v| truth(v, |t| t.battery_current)),
     NameInfo::number("truth.soc_percent", "%", "true state of charge", |v| truth(v, |t| t.soc * 100.0)),
-    NameInfo::number("truth.temperature_ab_c", "degC", "temperature of the 12 V converters A and B", |v| plant(v, |m| m.temperature[0])),
-    NameInfo::number("truth.temperature_cd_c", "degC", "temperature of the 12 V converters C and D", |v| plant(v, |m| m.temperature[1])),
-    NameInfo::flag("truth.fuse_motor_right_blown", "the fuse of the right motor has blown", |v| health(v, |h| h.fuse_blown[0])),
-    NameInfo::flag("truth.fuse_motor_left_blown", "the fuse of the left motor has blown", |v| health(v, |h| h.fuse_blown[1])),
-    NameInfo::flag("truth.fuse_tail_blown", "the fuse of the tail supply, which feeds the module, has blown", |v| health(v, |h| h.fuse_blown[2])),
-    NameInfo::flag("truth.fuse_small_modules_blown", "the fuse of the small modules has blown", |v| health(v, |h| h.fuse_blown[3])),
+    NameInfo::number("truth.temperature_ab_c", "degC", "temperature of the 12 V converters A and B", |v| plant(v, |m| m.temperature[Pair::Ab.index()])),
+    NameInfo::number("truth.temperature_cd_c", "degC", "temperature of the 12 V converters C and D", |v| plant(v, |m| m.temperature[Pair::Cd.index()])),
+    NameInfo::flag("truth.fuse_motor_right_blown", "the fuse of the right motor has blown", |v| health(v, |h| h.fuse_blown[FuseId::MotorRight.index()])),
+    NameInfo::flag("truth.fuse_motor_left_blown", "the fuse of the left motor has blown", |v| health(v, |h| h.fuse_blown[FuseId::MotorLeft.index()])),
+    NameInfo::flag("truth.fuse_tail_blown", "the fuse of the tail supply, which feeds the module, has blown", |v| health(v, |h| h.fuse_blown[FuseId::Tail.index()])),
     NameInfo::flag("truth.motor_right_derated", "heat limits the right motor's current", |v| health(v, |h| h.derated.right)),
     NameInfo::flag("truth.motor_left_derated", "heat limits the left motor's current", |v| health(v, |h| h.derated.left)),
     NameInfo::number("truth.motor_right_c", "degC", "temperature of the right motor", |v| truth(v, |t| t.motor_celsius.right)),

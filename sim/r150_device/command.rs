@@ -123,7 +123,14 @@ crate::messages! {
 const SUCCESS: MessageInfo = Success::INFOS[0];
 
 /// Rails by their bits (4.3.1); the other bits are reserved.
-const RAILS: &[&str] = &["12v-a", "12v-b", "12v-c", "12v-d", "48v", "5v"];
+const RAILS: &[&str] = &[
+    Rail::V12A.as_str(),
+    Rail::V12B.as_str(),
+    Rail::V12C.as_str(),
+    Rail::V12D.as_str(),
+    Rail::V48.as_str(),
+    Rail::V5.as_str(),
+];
 /// Outputs by their bits.
 const OUTPUTS: &[&str] = &["a", "b", "c", "d"];
 /// Who controls outputs.
