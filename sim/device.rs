@@ -343,6 +343,21 @@ impl dyn Device {
     pub fn get_mut<T: Device>(&mut self) -> Option<&mut T> {
         (self as &mut dyn Any).downcast_mut()
     }
+
+    /// The device of this type, which the row of an effect belongs to.
+    ///
+    /// # Panics
+    /// The device is of another type.
+    pub fn typed<T: Device>(&mut self) -> &mut T {
+        #[expect(
+            clippy::panic,
+            reason = "only a wrong row leads here, in its first test"
+        )]
+        self.get_mut().unwrap_or_else(|| {
+            let wanted = std::any::type_name::<T>();
+            panic!("an effect of {wanted} is in the row of another device")
+        })
+    }
 }
 
 #[cfg(test)]

@@ -6,9 +6,7 @@ use crate::mecanum_device::OperatorInput;
 
 impl Effect for OperatorInput {
     fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
-        let Some(car) = at.device.get_mut::<Mecanum>() else {
-            return Ok(Work::Done(Vec::new()));
-        };
+        let car = at.device.typed::<Mecanum>();
         let input = *self;
         let held = car.device().key();
         let before = held.map_or(OperatorInput::Release, OperatorInput::Press);

@@ -40,11 +40,8 @@ fn of_app(before: Parts, now: Parts) -> Vec<Change> {
 
 impl Effect for OperatorInput {
     fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
-        let r150 = at.device.get_mut::<R150>();
-        Ok(Work::Done(match r150 {
-            Some(r150) => operate(*self, r150, at.now),
-            None => Vec::new(),
-        }))
+        let r150 = at.device.typed::<R150>();
+        Ok(Work::Done(operate(*self, r150, at.now)))
     }
 
     fn can_end(&self) -> bool {
@@ -198,9 +195,7 @@ impl TryFrom<SignalKeys> for SignalText {
 
 impl Effect for Surroundings {
     fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
-        let Some(r150) = at.device.get_mut::<R150>() else {
-            return Ok(Work::Done(Vec::new()));
-        };
+        let r150 = at.device.typed::<R150>();
         let Self::PwmSignal(SignalText { input, source }) = *self;
         let before = r150.plant().pwm_source(input);
         r150.plant_mut().set_pwm_source(input, source);
