@@ -102,11 +102,14 @@ impl fmt::Display for FileError {
 
 /// An error of a form, which names the new key in the place of a former one.
 fn in_words(wrong: &Wrong) -> String {
-    if let Wrong::UnknownKey(key, allowed) = wrong
-        && let Some(renamed) = renamed::find(|kind| matches!(kind, Kind::Key(_)), key)
-        && allowed.contains(&renamed.new)
-    {
-        return renamed.to_string();
+    if let Wrong::UnknownKey(key, allowed) = wrong {
+        let renamed = renamed::find(|kind| matches!(kind, Kind::Key(_)), key);
+        if let Some(renamed) = renamed.filter(|renamed| allowed.contains(&renamed.new)) {
+            return renamed.to_string();
+        }
+        if let Some(instead) = renamed::instead(key, allowed) {
+            return instead;
+        }
     }
     shorten(wrong.to_string().replace('\n', " "))
 }

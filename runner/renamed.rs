@@ -66,6 +66,17 @@ pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Ctl, "step-by", "advance"),
 ];
 
+/// Keys of scenario files that were removed, with one that stands beside each, and what to do instead.
+const REMOVED: &[(&str, &str, &str)] = &[
+    ("wall_limit", "limit", "`--timeout` limits a run"),
+    (
+        "overlap",
+        "every",
+        "a repetition waits until the last one is over",
+    ),
+    ("clear", "every", "`until` or `for` ends a step"),
+];
+
 /// Names that are taken for others, where they stand and what is meant.
 #[rustfmt::skip]
 const CONFUSED: &[(&str, &str)] = &[
@@ -113,6 +124,13 @@ pub fn in_words(error: &SettingsError) -> String {
 pub(crate) fn is_like(one: &str, other: &str) -> bool {
     let plain = |c: char| if c == '_' { '-' } else { c };
     one.chars().map(plain).eq(other.chars().map(plain))
+}
+
+/// Returns what to do instead of using a removed key, where these keys are `allowed`.
+pub(crate) fn instead(key: &str, allowed: &[&'static str]) -> Option<String> {
+    let is_it = |(removed, beside, _): &&(&str, _, _)| *removed == key && allowed.contains(beside);
+    let (_, _, instead) = REMOVED.iter().find(is_it)?;
+    Some(format!("`{key}` was removed: {instead}"))
 }
 
 /// Returns what is meant by a name in a condition that is none, if that is known.

@@ -43,6 +43,20 @@ fn a_former_name_is_an_error_that_says_the_new_one() {
 }
 
 #[test]
+fn a_removed_key_is_an_error_that_says_what_to_do() {
+    for (key, beside, instead) in REMOVED {
+        let error = match *beside {
+            "limit" => error(&format!("{key} = 1\n"), ""),
+            _ => error("", &format!("[[step]]\nat = \"0 s\"\n{key} = 1\n")),
+        };
+        assert!(
+            error.contains(&format!("`{key}` was removed: {instead}")),
+            "{error}"
+        );
+    }
+}
+
+#[test]
 fn what_is_confused_leads_to_a_name_that_there_is() {
     for (confused, _) in CONFUSED {
         let error = error("", &format!("[[always]]\nthat = \"{confused}\"\n"));
