@@ -33,7 +33,7 @@ pub use time::{SimTime, show_duration, show_rounded};
 pub use value::{Bounds, SettingValue, Value, read_in};
 pub use written::{
     Angle, Force, Frequency, Friction, Length, Mass, Percent, Power, Resistance, Span, Speed,
-    Temperature, Torque, Voltage, Written, private,
+    Torque, Voltage, Written, private,
 };
 
 /// Basis of a default.

@@ -169,8 +169,6 @@ quantities! {
     pub Power: f64, unit "W", range 0.0..=1_000_000.0, example "300 W";
     /// Ohms.
     pub Resistance: f64, unit "ohm", range 0.0..=1_000_000_000.0, example "0.5 ohm";
-    /// Degrees Celsius.
-    pub Temperature: f64, unit "degC", range -100.0..=500.0, example "90 degC";
     /// Hertz.
     pub Frequency: f64, unit "Hz", range 0.0..=100_000_000.0, example "1 kHz";
     /// Per cent, 0 to 100.

@@ -227,7 +227,8 @@ impl Scope<'_> {
         let of_devices = self.devices.iter();
         let of_devices = of_devices.flat_map(|(_, device)| device.all_names());
         let of_devices = of_devices.filter_map(|info| info.name.strip_prefix(CLIENT));
-        let is_free = is_name && nearest(own, of_devices).is_none();
+        let former = renamed::find(|kind| kind == Kind::Name, name);
+        let is_free = is_name && former.is_none() && nearest(own, of_devices).is_none();
         is_free.then_some((Origin::Published, Unit::Number("")))
     }
 

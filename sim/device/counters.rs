@@ -17,8 +17,6 @@ pub struct Counters {
     counts: BTreeMap<&'static str, u64>,
     /// Number of its ports that are open.
     pub attached: u64,
-    /// Time of the last valid request.
-    pub last_request: Option<SimTime>,
     /// Time of the last request for motion, and the distance driven until then.
     pub last_motion: Option<(SimTime, f64)>,
     /// Number of requests for motion.
@@ -36,7 +34,6 @@ impl Counters {
         match event.kind.role() {
             Role::Attached => self.attached += 1,
             Role::Detached => self.attached = self.attached.saturating_sub(1),
-            Role::Request => self.last_request = Some(event.at),
             _ => {}
         }
         if let Some((message, payload)) = event.kind.message() {

@@ -99,7 +99,6 @@ pub static COMMON: &[NameInfo] = &[
     NameInfo::flag("truth.at_rest", "nothing moves and nothing drives", |v| v.device.plant().at_rest()),
     NameInfo::flag("truth.touching", "it touches an obstacle or another vehicle", |v| v.world.is_touching(v.device.plant().body())),
     NameInfo::flag("client.attached", "a client has one of the ports open", |v| v.counters.attached > 0),
-    NameInfo::number("client.last_request_age_s", "s", "time since the last valid request arrived; infinite before", |v| v.age_s(v.counters.last_request)),
     NameInfo::count("count.requests", "request", "valid requests, packets and lines"),
     NameInfo::count("count.replies", "reply", "replies, packets and lines of the device"),
     NameInfo::count("count.actions", "action_applied", "actions on the vehicle, and changes around it"),
@@ -129,7 +128,7 @@ pub enum Reading {
 impl fmt::Display for Reading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            // Six digits are more than anybody reads, and no rounding error shows.
+            // Six digits are more than a reader needs, and no rounding error shows.
             Self::Number(number) => write!(f, "{}", (number * 1e6).round() / 1e6),
             Self::Flag(flag) => write!(f, "{flag}"),
         }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rigsim_settings::{Force, Length, Percent, Resistance, Span, Temperature, Torque, Voltage};
+use rigsim_settings::{Force, Length, Percent, Resistance, Span, Torque, Voltage};
 
 use crate::device::parameters::{Direction, Interval, Motors, Probability};
 use crate::line::Adapter;
@@ -42,7 +42,6 @@ defaults! {
     late: Span = millis(500);
     sag: Voltage = Voltage(10.0);
     no_resistance: Resistance = Resistance(0.0);
-    hot: Temperature = Temperature(95.0);
     half: Percent = Percent(50.0);
     ghost: Length = Length(0.3);
     no_force: Force = Force(0.0);

@@ -1,6 +1,6 @@
 //! Names of conditions about a mecanum car.
 
-use rigsim_physics::mecanum::{MecanumMeasurements, MecanumTruth, Wheel};
+use rigsim_physics::mecanum::MecanumMeasurements;
 
 use super::Mecanum;
 use crate::device::names::as_number;
@@ -8,10 +8,6 @@ use crate::device::{NameInfo, View};
 
 fn car<'a>(view: &View<'a>) -> Option<&'a Mecanum> {
     view.device.get()
-}
-
-fn truth(view: &View<'_>, get: impl FnOnce(MecanumTruth) -> f64) -> f64 {
-    car(view).map_or(0.0, |car| get(car.truth()))
 }
 
 fn input<T: Default>(view: &View<'_>, get: impl FnOnce(MecanumMeasurements) -> T) -> T {
@@ -23,17 +19,8 @@ fn echo<const AT: usize>(view: &View<'_>) -> f64 {
     input(view, |measured| measured.echoes[AT]).unwrap_or(f64::INFINITY)
 }
 
-const LF: usize = Wheel::LeftFront.index();
-const RF: usize = Wheel::RightFront.index();
-const LR: usize = Wheel::LeftRear.index();
-const RR: usize = Wheel::RightRear.index();
-
 #[rustfmt::skip] // One line a name: a table to read.
 pub(super) static NAMES: &[NameInfo] = &[
-    NameInfo::number("wheel.lf_rad_s", "rad/s", "true speed of the left front wheel", |v| truth(v, |t| t.wheel_speed[LF])),
-    NameInfo::number("wheel.rf_rad_s", "rad/s", "true speed of the right front wheel", |v| truth(v, |t| t.wheel_speed[RF])),
-    NameInfo::number("wheel.lr_rad_s", "rad/s", "true speed of the left rear wheel", |v| truth(v, |t| t.wheel_speed[LR])),
-    NameInfo::number("wheel.rr_rad_s", "rad/s", "true speed of the right rear wheel", |v| truth(v, |t| t.wheel_speed[RR])),
     NameInfo::flag("truth.tipping", "a wheel would lift: the car would tip over", |v| car(v).is_some_and(|c| c.plant().is_tipping())),
     NameInfo::number("sensor.front1_m", "m", "front ultrasonic sensor 1, leftmost; infinite without an echo", echo::<0>),
     NameInfo::number("sensor.front2_m", "m", "front ultrasonic sensor 2", echo::<1>),
@@ -52,6 +39,4 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::flag("motion.running", "a motion runs", |v| car(v).is_some_and(|c| c.device().running().is_some())),
     NameInfo::number("motion.waiting", "", "how many motions wait", |v| car(v).map_or(0.0, |c| as_number(c.device().waiting() as u64))),
     NameInfo::number("client.last_motion_age_s", "s", "time since the last motion was ordered; infinite before", |v| v.age_s(v.counters.last_motion.map(|(at, _)| at))),
-    NameInfo::number("client.travel_since_motion_m", "m", "path driven since the last motion was ordered; 0 before", |v| v.travel_since_motion_m()),
-    NameInfo::number("client.motions", "", "motions ordered so far", |v| as_number(v.counters.motion_requests)),
 ];

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rigsim_physics::r150::{FuseId, Load, Pair, R150Faults, R150Plant, Rail, Side, Sides};
-use rigsim_settings::{Percent, Power, Resistance, SimTime, Span, Temperature, Voltage};
+use rigsim_settings::{Percent, Power, Resistance, SimTime, Span, Voltage};
 
 use super::R150;
 use crate::device::parameters::{Motors, Scope};
@@ -20,6 +20,8 @@ use crate::r150_device::command::{self, Request};
 const USUAL_DRAG: f64 = 100.0;
 /// Slower than this wheels stand, rad/s.
 const STANDING: f64 = 0.01;
+/// Temperature of a converter that is too hot, °C.
+const HOT: f64 = 95.0;
 
 /// Checks that an R150 has such a target.
 pub(super) fn check_scope(scope: &Scope) -> Result<(), String> {
@@ -93,7 +95,7 @@ crate::faults! {
             #[serde(default = "defaults::no_resistance")]
             resistance: Resistance,
         }
-        /// A pair of 12 V outputs gets hot.
+        /// A pair of 12 V outputs gets hot: 95 °C.
         OverTemperature = "over-temperature", Electrical,
         sees "A high `temp_12v`; above 85 °C the pair goes off and `sysStatus` says so.",
         counts "The sensor read more than without the fault.",
@@ -102,9 +104,6 @@ crate::faults! {
         {
             /// Pair of outputs.
             pair: Pair,
-            /// Minimum temperature; default 95 °C.
-            #[serde(default = "defaults::hot")]
-            temperature: Temperature,
         }
         /// The power module is faulty.
         PowerModuleFault = "power-module-fault", Electrical,
@@ -225,10 +224,7 @@ impl OnHardware for AtWork {
                 whole.supply_drop += by.0;
                 whole.supply_resistance += resistance.0;
             }
-            R150Fault::OverTemperature { pair, temperature } => {
-                let least = &mut whole.temperature[pair.index()];
-                *least = Some(least.map_or(temperature.0, |least| least.max(temperature.0)));
-            }
+            R150Fault::OverTemperature { pair } => whole.temperature[pair.index()] = Some(HOT),
             R150Fault::PowerModuleFault {} => whole.power_module = true,
             R150Fault::ChargeDrop { by } => whole.missing_charge += by.0 / 100.0,
             R150Fault::FuseBlown { fuse } => whole.fuses_out[fuse.index()] = true,
@@ -264,8 +260,8 @@ impl OnHardware for AtWork {
             R150Fault::SupplySag { by, resistance } => {
                 by.0 + resistance.0 * plant.truth().battery_current.abs() >= 0.1
             }
-            R150Fault::OverTemperature { pair, temperature } => {
-                powered && temperature.0 > plant.own_temperature()[pair.index()]
+            R150Fault::OverTemperature { pair } => {
+                powered && HOT > plant.own_temperature()[pair.index()]
             }
             R150Fault::PowerModuleFault {} => powered,
             R150Fault::ChargeDrop { .. } => plant.own_soc() > 0.0,
@@ -294,7 +290,7 @@ impl OnHardware for AtWork {
                 let charge = truth.soc * 100.0;
                 format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
             }
-            R150Fault::OverTemperature { pair, .. } => {
+            R150Fault::OverTemperature { pair } => {
                 let celsius = measured.temperature[pair.index()];
                 format!("converter {pair}: {celsius:.1} degC")
             }

@@ -174,6 +174,22 @@ fn obstacles_come_move_and_go() {
 }
 
 #[test]
+fn a_gate_turns_and_turns_back() {
+    let gate = "name = \"gate\", at_m = [1.5, 0], length = \"0.1 m\", width = \"1.6 m\"";
+    let turn = "obstacle = \"gate\", x = \"1.5 m\", y = \"0 m\", heading = \"90 deg\"";
+    passes(&car(
+        "4s",
+        &format!(
+            "[[step]]\nat = \"1s\"\nworld = {{ add = {{ box = [{{ {gate} }}] }} }}\n\
+             [[step]]\nat = \"2s\"\nfor = \"1s\"\nworld = {{ move = {{ {turn} }} }}\n\
+             [[step]]\nat = \"1.5s\"\nexpect = {{ that = \"sensor.front2_m > 1\" }}\n\
+             [[step]]\nat = \"2.5s\"\nexpect = {{ that = \"sensor.front2_m < 1\" }}\n\
+             [[step]]\nat = \"3.5s\"\nexpect = {{ that = \"sensor.front2_m > 1\" }}\n"
+        ),
+    ));
+}
+
+#[test]
 fn an_obstacle_that_is_not_there_is_refused_with_its_line() {
     let remove = "[[step]]\nat = \"1s\"\nworld = { remove = \"gaet\" }\n";
     let scenario = scenario(&text(CAR, "3s", remove));
