@@ -275,7 +275,7 @@ impl RequestQueue {
         Ok(Value::Null)
     }
 
-    /// Answers those who waited for what has come; says whether that was anybody.
+    /// Answers the requests that waited for what has come; returns whether there were any.
     fn answer_waiting(&mut self, run: &Run, clock: Option<&Clock>) -> bool {
         let over = |(index, _): &mut (usize, Answer)| {
             let report = run.step_report(*index);

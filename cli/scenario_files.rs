@@ -151,7 +151,7 @@ impl Loaded {
         stem
     }
 
-    /// Name of it: its path, and the parameters that were given.
+    /// Its path, and the parameters that were given.
     pub(crate) fn name(&self) -> String {
         let given = self.parameters.iter();
         let given: Vec<String> = given

@@ -134,7 +134,7 @@ fn end_of(status: WaitStatus) -> Option<ClientEnd> {
     code.or_else(|| status.terminating_signal().map(ClientEnd::Killed))
 }
 
-/// Asks everybody to end, once.
+/// Asks all processes to end, once.
 fn ask(client: Pid, patience: &mut Option<Instant>) {
     if patience.is_none() {
         *patience = Some(Instant::now() + GRACE);

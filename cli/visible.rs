@@ -26,7 +26,7 @@ pub(crate) fn name<N: AsRef<OsStr> + ?Sized>(name: &N) -> String {
     valid(name.as_ref().as_bytes(), line)
 }
 
-/// Bytes as text, those escaped that are none. What is text is not made safe yet.
+/// Bytes as text, with non-printable bytes escaped. Control characters of terminals stay as they are.
 pub(crate) fn bytes(bytes: &[u8]) -> String {
     valid(bytes, |text| Cow::Borrowed(text))
 }

@@ -68,7 +68,7 @@ impl Guard {
     }
 
     /// Returns whether a `Host` means this address. Names other than `localhost` do not, since they
-    /// may come to lead here without anybody's consent.
+    /// may come to lead here without consent.
     fn is_own(&self, host: &str) -> bool {
         let (name, port) = match host.rsplit_once(':') {
             Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),

@@ -25,7 +25,7 @@ pub enum Error {
     /// A file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     File {
-        /// Path of it.
+        /// The file.
         path: PathBuf,
         /// Reason.
         source: io::Error,

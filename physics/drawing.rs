@@ -28,7 +28,7 @@ pub struct WheelDrawing {
 /// A sensor that measures distances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EchoDrawing {
-    /// Place of it.
+    /// x and y, m.
     pub place: [f64; 2],
     /// Direction in which it looks, rad.
     pub heading: f64,

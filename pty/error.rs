@@ -95,7 +95,7 @@ pub enum PortErrorKind {
 }
 
 impl PortError {
-    /// Kind of it.
+    /// What went wrong.
     #[must_use]
     pub fn kind(&self) -> &PortErrorKind {
         &self.kind

@@ -283,7 +283,7 @@ impl Registration {
         self.with_node(|node| (node.openers, node.departed, node.left) = (1, false, true));
     }
 
-    /// We ourselves are about to open and close the node. Returns whether anybody has departed.
+    /// We ourselves are about to open and close the node. Returns whether a client has departed.
     pub(crate) fn begin_visits(
         &self,
         is_hung_up: impl FnOnce() -> Result<bool, PortErrorKind>,

@@ -41,7 +41,7 @@
 //! - It is as with a cable: bytes that a client has written are read in order, whichever client wrote them, and
 //!   what is sent goes to the client that has the port open. What a client has written and was not read when
 //!   it left is thrown away, and so is what it has not read itself; where another came before
-//!   anybody looked, as far as it is certain whose it was. No byte of a client that is there is lost.
+//!   the first look, as far as it is certain whose it was. No byte of a client that is there is lost.
 //! - What a client leaves behind at a terminal is undone: settings, locks, exclusive use, suspended
 //!   output.
 //! - No other program's file is replaced or removed; [`Port::open_at`] says

@@ -13,7 +13,7 @@
 //! - What a client leaves at its end outlives it: settings, locked settings, suspended output,
 //!   the line discipline, `TIOCEXCL`. The master reaches the settings alone; a descriptor of the
 //!   client's end reaches all of it, but while it is open it hides every hang-up.
-//! - `TIOCEXCL` keeps out everybody but root, whichever way the node is opened.
+//! - `TIOCEXCL` keeps out all users but root, whichever way the node is opened.
 
 use std::ffi::OsString;
 use std::os::unix::ffi::OsStringExt as _;

@@ -21,12 +21,12 @@ pub struct PlannedLink {
     pub name: &'static str,
     /// Speed of the device's end.
     pub baud: u32,
-    /// Path of its port, if it has been given one.
+    /// Where its port is, if it has been given one.
     pub path: Option<PathBuf>,
 }
 
 impl PlannedLink {
-    /// Name of its pseudo-terminal in a folder for those of all devices.
+    /// File name of the pseudo-terminal in a folder for those of all devices.
     #[must_use]
     pub fn file_name(&self) -> String {
         match self.id.link {

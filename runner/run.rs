@@ -1,6 +1,6 @@
 //! A run: the devices, what happens to them, and what is made of it.
 //!
-//! One [`Run`] is driven by everybody: by a loop in real time that serves ports, by scripted
+//! A [`Run`] is driven by a loop in real time that serves ports, by scripted
 //! clients and clients in simulated time, and by a trace that is played again. Devices that are
 //! only served are a run without steps ([`Scenario::serving`]).
 //!
@@ -112,7 +112,7 @@ pub enum RunError {
     /// The scenario goes round in circles.
     #[error("at {at} s the scenario's steps set one another off without end")]
     Stuck {
-        /// Time of it.
+        /// When.
         at: SimTime,
     },
     /// The world file is wrong.

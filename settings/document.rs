@@ -18,7 +18,7 @@ const MOST_ERRORS: usize = 20;
 pub struct Source<'t> {
     /// The file's name as the user gave it.
     pub file: &'t str,
-    /// Text of it.
+    /// Content of the file.
     pub text: &'t str,
 }
 

@@ -50,7 +50,7 @@ pub enum SettingsError {
     /// The file is not TOML.
     #[error("{origin}: {why}")]
     Syntax {
-        /// Place of it.
+        /// Where it stands.
         origin: Origin,
         /// Reason in the parser's words.
         why: String,
@@ -58,14 +58,14 @@ pub enum SettingsError {
     /// The flag is not of the form `KEY=VALUE`.
     #[error("{origin}: write it as KEY=VALUE, as in --set r150.heartbeat_timeout=5s")]
     NotAnAssignment {
-        /// Place of it.
+        /// Where it stands.
         origin: Origin,
     },
     /// No setting has this name.
     #[error("{origin}: no setting is named `{key}`{}; `sim config` lists them all",
         nearest.as_ref().map(|near| format!(", did you mean `{near}`?")).unwrap_or_default())]
     UnknownKey {
-        /// Place of it.
+        /// Where it stands.
         origin: Origin,
         /// The key as written.
         key: String,
@@ -77,7 +77,7 @@ pub enum SettingsError {
         "{origin}: `{key}` is a group of settings, not a setting: name one in it, as in `{example}`"
     )]
     IsGroup {
-        /// Place of it.
+        /// Where it stands.
         origin: Origin,
         /// The key as written.
         key: String,
@@ -87,7 +87,7 @@ pub enum SettingsError {
     /// The value is not allowed.
     #[error("{origin}: `{key}`: {why}; allowed: {allowed}")]
     Invalid {
-        /// Place of it.
+        /// Where it stands.
         origin: Origin,
         /// The full key.
         key: String,

@@ -55,7 +55,7 @@ impl Basis {
         }
     }
 
-    /// Source of it.
+    /// Where the manual says so, or the ground of the assumption.
     #[must_use]
     pub fn source(&self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! Devices as everybody else sees them: a row of a table, and a trait.
+//! Devices as all other code sees them: a row of a table, and a trait.
 //!
 //! [`DeviceSpec`] describes a device: its links, settings, events, names for conditions, commands
 //! and replies for scripted clients, what can go wrong with it and what people do to it, and how it
@@ -46,7 +46,7 @@ pub use settings::DeviceSettings;
 /// The devices that there are.
 pub type Devices = &'static [&'static DeviceSpec];
 
-/// A device as it is described to everybody else.
+/// A device as it is described to all other code.
 pub struct DeviceSpec {
     /// Its `kind` in files, flags and settings: lower-case letters and digits.
     pub id: &'static str,

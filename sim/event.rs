@@ -14,7 +14,7 @@ use crate::message::MessageInfo;
 /// Something that happened, when and where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
-    /// Time of it.
+    /// Simulated time.
     pub at: SimTime,
     /// Index of the device in the rig.
     pub device: usize,

@@ -6,7 +6,7 @@
 //!
 //! | module | what it is |
 //! |---|---|
-//! | [`device`] | what a device is to everybody else: a row of a table, and a trait |
+//! | [`device`] | what a device is to all other code: a row of a table, and a trait |
 //! | [`r150_device`] | firmware of the XAG R150's IO module: bytes and pins |
 //! | [`r150`] | that firmware with the hardware around it |
 //! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |

@@ -45,7 +45,7 @@ pub enum RigError {
     Stuck {
         /// Index of the device.
         device: usize,
-        /// Time of it.
+        /// Simulated time.
         at: SimTime,
     },
 }

@@ -1,4 +1,4 @@
-//! Things that anybody may do to the simulator, and promises that hold whatever is done.
+//! Things that may be done to the simulator, and promises that hold whatever is done.
 //!
 //! Each function takes an input, plays it, and panics if a promise is broken. Two things call them:
 //! the property tests in `tests/` of this crate, which shrink what fails, and the fuzz targets in

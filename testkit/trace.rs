@@ -196,7 +196,7 @@ const STRANGE: &[&str] = &[
     r#"{"kind":"late","t":0,"by":18446744073709551615,"stood":18446744073709551615}"#,
     r#"{"kind":"end","t":0,"passed":true,"dropped":0}"#,
     r#"{"kind":"end","t":3,"passed":true,"dropped":9}"#,
-    r#"{"kind":"nothing that anybody knows"}"#,
+    r#"{"kind":"nothing that is known"}"#,
     r#"{"kind":"in","t":0,"port":[0,0],"bytes":"A"}"#,
     r#"{"kind":"in","t":0,"port":[0,0],"bytes":"é"}"#,
     "[[[[[[[[[[[[[[[[[[[[",

@@ -54,7 +54,7 @@ fn no_process_is_left(folder: &Folder) {
     let pids = folder.pids("pids");
     assert!(!pids.is_empty());
     for pid in pids {
-        until("everybody has ended", || !is_running(pid));
+        until("all have ended", || !is_running(pid));
     }
 }
 

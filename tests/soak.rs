@@ -222,7 +222,7 @@ fn bad_clients_leave_nothing_behind_and_disturb_no_other() {
     });
     let growth = after.resident_kib.saturating_sub(before.resident_kib);
     let said = format!(
-        "{} bad clients in {:.0} s, {} requests of the good one answered; before {before:?}, after \
+        "{} faulty clients in {:.0} s, {} requests of the good one answered; before {before:?}, after \
          {after:?}",
         2 * (cycles + WARM_UP),
         begun.elapsed().as_secs_f64(),

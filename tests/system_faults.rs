@@ -103,7 +103,7 @@ fn a_place_where_no_trace_can_be_written_is_an_error() {
         &run_with_trace(folder.path()),
         &["cannot write the trace", "idle.trace.jsonl"],
     );
-    // The kernel's own file systems take nothing from anybody, as one that is mounted read-only.
+    // The kernel's own file systems take nothing from any user, as one that is mounted read-only.
     let idle = folder.path().join("idle.toml");
     let args = ["run", idle.to_str().unwrap(), "--output", "/proc/traces"];
     run(&args).expect_refusal(2, &["cannot make the folder /proc/traces"]);

@@ -29,7 +29,7 @@ const MOST_SAMPLES: usize = 100_000;
 /// A moment of a job.
 #[derive(Debug, Clone)]
 pub(super) struct Moment {
-    /// Time of it without faults, ms.
+    /// Time in the run without faults, ms.
     pub(super) at: u64,
     /// The most robust trigger that reproduces it.
     pub(super) trigger: Trigger,

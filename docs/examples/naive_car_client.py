@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The client of the mecanum car that everybody writes first: it works as long as nothing goes wrong.
+"""The client of the mecanum car that is usually written first: it works as long as nothing goes wrong.
 
     sim run --tag drive scenarios/mecanum -- python3 docs/examples/naive_car_client.py
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The client that everybody writes first: it works as long as nothing goes wrong.
+"""The client that is usually written first: it works as long as nothing goes wrong.
 
     sim run --tag drive scenarios/r150 -- python3 docs/examples/naive_client.py
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The client that everybody writes first, around a square of 3 m. Compare it with careful_square.py.
+"""The client that is usually written first, around a square of 3 m. Compare it with careful_square.py.
 
     sim run --job docs/examples/square.toml scenarios/r150/faults -- python3 docs/examples/naive_square.py
 

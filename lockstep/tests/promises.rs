@@ -372,7 +372,7 @@ fn a_program_that_is_to_run_as_another_user_is_refused() {
     let user = std::fs::metadata("/proc/self").expect("itself").uid();
     let folder = tempfile::tempdir().expect("a folder");
     let binary = folder.path().join("other");
-    // Root makes such a program; anybody else knows one.
+    // Root makes such a program; other users have one.
     if user == 0 {
         std::fs::copy("/bin/true", &binary).expect("a copy");
         chown(&binary, Some(65_534), None).expect("root may");

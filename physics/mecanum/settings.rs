@@ -161,7 +161,7 @@ settings! {
     pub struct BeamSettings {
         /// Place ahead of the car's middle.
         x: f64 = 0.17, unit "m", range -5.0..=5.0, assumed "on the front edge";
-        /// Range of it.
+        /// Distance up to which it detects something.
         range: f64 = 0.3, unit "m", range 0.001..=10.0, assumed "a reflective switch set to 300 mm";
     }
 
@@ -173,7 +173,7 @@ settings! {
 
     /// The bar of 16 magnetic sensors across the car.
     pub struct BarSettings {
-        /// Place of its middle ahead of the car's middle.
+        /// Place of the bar's middle ahead of the car's middle.
         x: f64 = 0.15, unit "m", range -5.0..=5.0, assumed "near the front edge";
     }
 }

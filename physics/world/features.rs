@@ -12,9 +12,9 @@ const TAG_RADIUS: f64 = 0.05;
 /// Something that lies or stands in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feature {
-    /// Kind of it.
+    /// What it is.
     pub kind: FeatureKind,
-    /// Place of it.
+    /// Where it lies, m.
     pub shape: Shape,
 }
 

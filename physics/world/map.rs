@@ -25,9 +25,9 @@ pub struct WorldMap {
 /// Sloping ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slope {
-    /// Place of it.
+    /// Where it lies, m.
     pub area: Shape,
-    /// Steepness of it.
+    /// How steep it is, rad.
     pub slope: f64,
     /// Direction in which it rises.
     pub uphill: f64,
@@ -36,7 +36,7 @@ pub struct Slope {
 /// Ground of another friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrictionPatch {
-    /// Place of it.
+    /// Where it lies, m.
     pub area: Shape,
     /// Coefficient of friction between wheel and ground.
     pub friction: f64,

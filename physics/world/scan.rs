@@ -25,7 +25,7 @@ pub struct Cone {
 /// An RFID tag on the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tag {
-    /// Place of it, m.
+    /// Where the sensor is, m.
     pub at: [f64; 2],
     /// Number that a reader reads, not 0, which means none.
     pub number: u32,

@@ -55,7 +55,7 @@ impl Held {
         })
     }
 
-    /// Path of it.
+    /// The path that is held.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -1,4 +1,4 @@
-//! Clients that follow one another, seen or faster than anybody can look.
+//! Clients that follow one another, seen or faster than the port is looked at.
 
 #![allow(
     clippy::unwrap_used,

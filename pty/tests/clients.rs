@@ -156,7 +156,7 @@ fn settings_of_one_client_do_not_outlive_it() {
         termios.control_modes |= ControlModes::CSTOPB;
     });
     assert!(!bench.port.client_line().unwrap().unwrap().raw);
-    // It never sent a byte and is gone before anybody looks, like stty.
+    // It never sent a byte and is gone before the first look, like stty.
     drop(client);
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);

@@ -1,5 +1,5 @@
 //! A client that is killed while it holds the port exclusively must not keep
-//! everybody else out, whichever user runs the simulator.
+//! all others out, whichever user runs the simulator.
 
 #![allow(
     clippy::unwrap_used,

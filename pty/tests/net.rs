@@ -131,7 +131,7 @@ fn bytes_pass_both_ways_and_clients_follow_one_another() {
         let mut heard = [0; 2];
         client.read_exact(&mut heard).unwrap();
         assert_eq!(heard, [IAC, 2]);
-        // The next one comes before anybody has noticed.
+        // The next one comes before that is noticed.
         drop(client);
         let mut next = bench.client();
         next.write_all(b"!").unwrap();

@@ -24,10 +24,10 @@ use rustix::termios::{
     ioctl_tiocexcl, tcflow, tcgetattr, tcsendbreak, tcsetwinsize,
 };
 
-type Deed = (&'static str, fn(&Client));
+type Act = (&'static str, fn(&Client));
 
 /// Termios and the ioctls of a terminal one by one, as far as they change it.
-const ACTS: &[Deed] = &[
+const ACTS: &[Act] = &[
     ("the speed", |client| {
         client.set_termios(|t| t.set_speed(300).unwrap());
     }),
@@ -149,7 +149,7 @@ fn whatever_a_client_does_to_its_terminal_ends_with_it() {
                     let client = bench.client();
                     act(&client);
                 }
-                // One after the other, or before anybody has looked.
+                // One after the other, or before the first look.
                 while bench.port.counters().attached == 0 || bench.port.is_attached() {
                     let _ = bench.next();
                 }

@@ -139,7 +139,7 @@ pub struct Timed {
 }
 
 impl Timed {
-    /// Time of it in nanoseconds, or of its last byte.
+    /// When it is over: the time of its last byte, ns.
     #[must_use]
     pub fn over(&self) -> u64 {
         let rest = self.bytes.0.len().saturating_sub(1) as u64;

@@ -16,7 +16,7 @@ use crate::problems::{Problems, Put};
 pub struct NamedText {
     /// Its name, as errors call it.
     pub file: String,
-    /// Text of it.
+    /// Content.
     pub text: String,
 }
 
@@ -43,7 +43,7 @@ impl From<Source<'_>> for NamedText {
 pub struct ScenarioText {
     /// Name of the scenario file.
     pub file: String,
-    /// Text of it, or of the rig that was served.
+    /// Content, or the rig that was served.
     #[serde(rename = "scenario")]
     pub text: String,
     /// The files that it is based on.

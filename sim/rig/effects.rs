@@ -182,7 +182,7 @@ impl Effects {
         EffectHandle(self.begun)
     }
 
-    /// Lays what an effect has changed of a device or the world on top.
+    /// Applies the effect's overrides to the device or the world.
     pub(super) fn add(&mut self, effect: EffectHandle, device: usize, changes: Vec<Change>) {
         self.layers.extend(changes.into_iter().map(|change| Layer {
             effect,

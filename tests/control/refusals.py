@@ -27,7 +27,7 @@ assert status(request(more=f"Origin: http://{HOST}\r\n")) == 200
 preflight = raw(request("OPTIONS /v1/steps HTTP/1.1", token=None, more="Origin: http://evil.example\r\nAccess-Control-Request-Method: POST\r\n"))
 assert " 403 " in preflight and "Access-Control" not in preflight, preflight
 
-# The page is for everybody who has the address, and holds no secret.
+# The page is for every client that has the address, and holds no secret.
 page = raw(request("GET / HTTP/1.1", token=None))
 assert " 200 " in page and "<canvas" in page and TOKEN not in page
 assert "default-src 'none'; script-src 'self'" in page and "Access-Control" not in page

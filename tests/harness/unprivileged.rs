@@ -34,7 +34,7 @@ pub fn is_rerun() -> bool {
     std::env::var_os(BINARY).is_some()
 }
 
-/// A copy of the program in `dir` that anybody may execute.
+/// A copy of the program in `dir` that every user may execute.
 pub fn copy_of_sim(dir: &Path) -> std::path::PathBuf {
     fs::set_permissions(dir, fs::Permissions::from_mode(0o755)).unwrap();
     copy(Path::new(env!("CARGO_BIN_EXE_sim")), &dir.join("sim"))

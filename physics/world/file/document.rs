@@ -129,9 +129,9 @@ enum Area {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Slope {
-    /// Place of it.
+    /// Where it lies.
     area: Area,
-    /// Steepness of it.
+    /// How steep it is.
     slope: Steepness,
     /// Direction in which it rises.
     uphill: Direction,
@@ -141,7 +141,7 @@ struct Slope {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FrictionPatch {
-    /// Place of it.
+    /// Where it lies.
     area: Area,
     /// Coefficient of friction between wheel and ground.
     friction: Friction,
@@ -151,7 +151,7 @@ struct FrictionPatch {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Tag {
-    /// Place of it, in metres.
+    /// Where it stands, in metres.
     at_m: Point,
     /// Number that a reader reads.
     number: TagNumber,

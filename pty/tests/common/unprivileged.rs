@@ -10,7 +10,7 @@ use std::process::Command;
 const NOBODY: u32 = 65_534;
 
 /// A command that runs one ignored test of this binary. Root becomes nobody;
-/// anybody else is unprivileged already. `dir` is where the test may work.
+/// other users are unprivileged already. `dir` is where the test may work.
 pub fn rerun(test: &str, dir: &Path) -> Command {
     // The build directory may be one that nobody may not enter. Another
     // process makes the copy: were it open for writing here, a process that

@@ -11,7 +11,7 @@ Stops At The Emergency Stop
     Until    truth.at_rest    within=5 s
     Client Report Should Be Empty
 
-Gives Up When Nobody Answers
+Gives Up When No Reply Comes
     Until    truth.speed_mps > 0.4    within=60 s
     Fault    mute    direction=to-client
     ${client} =    Wait For Process    timeout=60 s

@@ -108,7 +108,7 @@ fn queued_motions_of_the_car() {
     }
 }
 
-/// Motions that break one another off, so that within two steps wheels are braked and driven again.
+/// Motions that pre-empt one another, so that within two steps wheels are braked and driven again.
 #[test]
 fn motions_of_the_car_that_preempt_one_another() {
     let motions = [
