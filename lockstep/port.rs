@@ -12,7 +12,7 @@ use rigsim_settings::ClientLine;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
 use rustix::fs::{CWD, Mode, OFlags};
-use rustix::io::Errno;
+use rustix::io::{Errno, retry_on_intr};
 use rustix::termios::{
     InputModes, LocalModes, OutputModes, QueueSelector, SpecialCodeIndex, Termios,
 };
@@ -248,7 +248,8 @@ impl Port {
         } else if wants_sign && !self.has_sign {
             (self.has_sign, self.has_signalled) = (true, true);
             let least = self.read_rule().least.unwrap_or(1).max(1);
-            rustix::io::write(&pair.master, &vec![0; least])?;
+            // The tick of the tracer interrupts it now and then.
+            retry_on_intr(|| rustix::io::write(&pair.master, &vec![0; least]))?;
             pair.is_readable();
         }
         let Some(pair) = self.pair.as_ref().filter(|_| !raw) else {
@@ -467,7 +468,7 @@ pub(crate) fn poll(polls: &mut [PollFd<'_>]) -> bool {
 /// Takes what is there; `None` if that fails.
 fn read(from: &OwnedFd, most: usize) -> Option<Vec<u8>> {
     let mut bytes = vec![0; most];
-    let count = rustix::io::read(from, &mut bytes[..]).ok()?;
+    let count = retry_on_intr(|| rustix::io::read(from, &mut bytes[..])).ok()?;
     bytes.truncate(count);
     Some(bytes)
 }
