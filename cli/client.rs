@@ -80,7 +80,7 @@ impl Written {
     }
 
     /// All that is new was written at this time: while the client runs, its time stands still.
-    pub(crate) fn note(&mut self, at: Option<SimTime>) {
+    pub(crate) fn date_output(&mut self, at: Option<SimTime>) {
         let length = self.cut();
         if length <= self.length {
             return;

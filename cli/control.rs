@@ -34,7 +34,7 @@ use session::Session;
 const MOST_AT_ONCE: usize = 16;
 /// Time between two times at which the log is sent, and which steps have begun or ended: a client that
 /// asks without a pause is not to wait while others are woken for each of its requests.
-const TELL_EVERY: Duration = Duration::from_millis(20);
+const SEND_EVERY: Duration = Duration::from_millis(20);
 /// Events of the log that wait until then.
 const MOST_UNSENT: usize = 128;
 /// Time for which a client in the simulator's time may be kept waiting for what is asked and sent
@@ -53,7 +53,7 @@ pub(crate) struct RequestQueue {
     listening: Vec<Listening>,
     unsent: Vec<Event>,
     traffic: Traffic,
-    tell_next: Option<Instant>,
+    next_send: Option<Instant>,
     patience: Duration,
     /// Answers to be given when a step is over.
     waiting: Vec<(usize, Answer)>,
@@ -101,7 +101,7 @@ impl RequestQueue {
             listening: Vec::new(),
             unsent: Vec::new(),
             traffic: Traffic::default(),
-            tell_next: None,
+            next_send: None,
             patience: SETTLE,
             waiting: Vec::new(),
             stepping: Vec::new(),
@@ -132,7 +132,7 @@ impl RequestQueue {
         }
         self.unsent.push(event.clone());
         if self.unsent.len() == MOST_UNSENT {
-            self.tell_log();
+            self.send_log();
         }
     }
 
@@ -169,11 +169,15 @@ impl RequestQueue {
     /// Does what is asked, for a client that has nothing else to do until then. If it may have asked
     /// something, or is sent something, that is all that is on its way, until it waits for an answer
     /// that only time brings. Says whether its wait may be over.
-    pub(crate) fn settle(&mut self, run: &mut Run, may_have_asked: bool) -> Result<bool, RunError> {
+    pub(crate) fn answer_until_quiet(
+        &mut self,
+        run: &mut Run,
+        may_have_asked: bool,
+    ) -> Result<bool, RunError> {
         let begun = Instant::now();
         let mut any = self.answer_waiting(run, None) || !self.unsent.is_empty();
-        self.tell_log();
-        self.tell_what_is_due(run);
+        self.send_log();
+        self.send_due(run);
         if !any && !may_have_asked {
             // Another client asks.
             self.answer_next(run, None)?;
@@ -242,7 +246,7 @@ impl RequestQueue {
                     }
                     Ok(false) => {
                         let now = answers::time(run, clock.as_deref());
-                        self.tell_all(&message("time", now.clone()));
+                        self.send_to_all(&message("time", now.clone()));
                         Ok(now)
                     }
                     Err(refusal) => Err(refusal),
@@ -266,12 +270,12 @@ impl RequestQueue {
         let probes: Result<Vec<Probe>, _> = names.map(|name| run.probe(name)).collect();
         let probes = probes.map_err(|why| Refusal::new(422, why.to_string()))?;
         let now = Instant::now();
-        self.tell_log();
+        self.send_log();
         let steps = run.steps().map(|step| progress(&step)).collect();
         let known = (steps, run.failures().len());
         self.listening
             .push(Listening::new(listener, probes, known, now));
-        self.tell_next.get_or_insert(now + TELL_EVERY);
+        self.next_send.get_or_insert(now + SEND_EVERY);
         Ok(Value::Null)
     }
 
@@ -291,24 +295,24 @@ impl RequestQueue {
             for answer in std::mem::take(&mut self.stepping) {
                 answer.give(Ok(now.clone()));
             }
-            self.tell_all(&message("time", now.clone()));
+            self.send_to_all(&message("time", now.clone()));
             any = true;
         }
         any
     }
 
-    fn tell_all(&mut self, message: &Message) {
+    fn send_to_all(&mut self, message: &Message) {
         for one in &mut self.listening {
-            one.tell(message);
+            one.send(message);
         }
     }
 
     /// Sends to listeners what is due by now; returns the time after which more is. What has happened must be
     /// known by then ([`RequestQueue::event`]), so that a step is sent behind the log of what came of it.
-    pub(crate) fn tell_what_is_due(&mut self, run: &Run) -> Option<Duration> {
+    pub(crate) fn send_due(&mut self, run: &Run) -> Option<Duration> {
         self.listening.retain(|one| !one.gone);
         if self.listening.is_empty() {
-            self.tell_next = None;
+            self.next_send = None;
             return None;
         }
         let now = Instant::now();
@@ -319,38 +323,38 @@ impl RequestQueue {
             {
                 let picture =
                     picture.get_or_insert_with(|| message("picture", answers::picture(run)));
-                one.tell(picture);
+                one.send(picture);
             }
             if let Some(every) = one.listener.wants.values_every
                 && is_due(&mut one.values_next, every, now)
             {
                 let values = answers::values(run, &one.probes);
-                one.tell(&message("values", values));
+                one.send(&message("values", values));
             }
         }
-        if is_due(&mut self.tell_next, TELL_EVERY, now) {
-            self.tell_log();
-            self.tell_steps(run);
+        if is_due(&mut self.next_send, SEND_EVERY, now) {
+            self.send_log();
+            self.send_steps(run);
             self.report_failures(run);
         }
         let next = self
             .listening
             .iter()
             .flat_map(|one| [one.values_next, one.picture_next])
-            .chain([self.tell_next])
+            .chain([self.next_send])
             .flatten()
             .min();
         next.map(|next| next.saturating_duration_since(now))
     }
 
     /// Sends what has happened.
-    fn tell_log(&mut self) {
+    fn send_log(&mut self) {
         for event in self.unsent.drain(..) {
             let is_traffic = event.kind.level() == Level::Traffic;
             let message = message_of(&self.words, event);
             for one in &mut self.listening {
                 if !is_traffic || one.listener.wants.traffic {
-                    one.tell(&message);
+                    one.send(&message);
                 }
             }
         }
@@ -361,20 +365,20 @@ impl RequestQueue {
         let failures = run.failures();
         for one in &mut self.listening {
             for failure in failures.iter().skip(one.failures) {
-                one.tell(&message("failure", answers::failure(failure)));
+                one.send(&message("failure", answers::failure(failure)));
             }
             one.failures = failures.len();
         }
     }
 
     /// Sends to each listener which steps have come further since the last time.
-    fn tell_steps(&mut self, run: &Run) {
+    fn send_steps(&mut self, run: &Run) {
         for (index, step) in run.steps().enumerate() {
             let now = progress(&step);
             let mut shown = None;
             for one in &mut self.listening {
                 if one.takes(index, now) {
-                    one.tell(
+                    one.send(
                         shown.get_or_insert_with(|| message("step", answers::step_json(&step))),
                     );
                 }
@@ -385,7 +389,7 @@ impl RequestQueue {
 
 impl Drop for RequestQueue {
     fn drop(&mut self) {
-        self.tell_log();
+        self.send_log();
     }
 }
 

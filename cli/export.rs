@@ -24,7 +24,7 @@ use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
 use rigsim_runner::run::Probe;
 use rigsim_runner::scenario::NamedText;
-use rigsim_runner::trace::{Onlooker, Record};
+use rigsim_runner::trace::{Observer, Record};
 
 use crate::exit::Failure;
 use crate::print::complain;
@@ -217,7 +217,7 @@ impl Walk {
     }
 }
 
-impl Onlooker for Walk {
+impl Observer for Walk {
     fn record(&mut self, record: &Record) {
         let (t, bytes) = match record {
             Record::In { t, port, bytes } | Record::Host { t, port, bytes } => {
@@ -247,11 +247,11 @@ impl Onlooker for Walk {
         self.take(event.at, &Item::Event(event));
     }
 
-    fn next_look(&self) -> SimTime {
+    fn next_sample(&self) -> SimTime {
         self.next
     }
 
-    fn look(&mut self, run: &Run) {
+    fn sample(&mut self, run: &Run) {
         let now = run.rig().now();
         self.catch_up(now);
         self.take(now, &Item::Values(run));

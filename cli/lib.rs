@@ -1,6 +1,7 @@
 //! The `sim` command line, for whatever devices a program hands in: flags, subcommands, exit codes.
 
 mod args;
+mod attendant;
 mod client;
 mod config;
 mod control;
@@ -11,7 +12,6 @@ mod hunt;
 mod json_lines;
 mod lists;
 mod log;
-mod looking;
 mod mcp;
 mod patient_file;
 mod plan;
@@ -47,7 +47,7 @@ use exit::{Exit, Failure};
 /// ```
 #[must_use]
 pub fn main(devices: Devices) -> ExitCode {
-    print::tell_panics();
+    print::report_panics();
     guarded(|| {
         rigsim_pty::survive_full_files().map_err(Failure::system)?;
         let cli = Cli::read(devices);

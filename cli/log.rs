@@ -209,20 +209,20 @@ impl Printer {
             let mut printed = self.print(&mut out, line);
             if lines.is_empty() {
                 printed = printed
-                    .and_then(|()| self.tell_dropped(&mut out))
+                    .and_then(|()| self.report_dropped(&mut out))
                     .and_then(|()| out.flush());
             }
-            self.note(printed);
+            self.keep_error(printed);
         }
-        let mut printed = self.tell_dropped(&mut out);
+        let mut printed = self.report_dropped(&mut out);
         if let Ok(last) = self.last.try_recv() {
             printed = printed.and_then(|()| writeln!(out, "{}", visible::lines(&last)));
         }
-        self.note(printed.and_then(|()| out.flush()));
+        self.keep_error(printed.and_then(|()| out.flush()));
     }
 
     /// Keeps a refusal of the output to be reported at the end. The end of its reader is none.
-    fn note(&self, printed: io::Result<()>) {
+    fn keep_error(&self, printed: io::Result<()>) {
         if let Err(error) = printed
             && error.kind() != io::ErrorKind::BrokenPipe
         {
@@ -268,7 +268,7 @@ impl Printer {
         }
     }
 
-    fn tell_dropped(&mut self, out: &mut impl Write) -> io::Result<()> {
+    fn report_dropped(&mut self, out: &mut impl Write) -> io::Result<()> {
         let dropped = self.dropped.load(Ordering::Relaxed);
         let new = dropped - self.reported_dropped;
         if new == 0 {

@@ -128,7 +128,7 @@ pub(crate) fn words_of_panic(panic: &(dyn Any + Send)) -> String {
 }
 
 /// Reports panics as everything else is reported.
-pub(crate) fn tell_panics() {
+pub(crate) fn report_panics() {
     std::panic::set_hook(Box::new(|panic| {
         let thread = std::thread::current();
         let name = thread.name().unwrap_or("without a name");

@@ -13,7 +13,7 @@ use rigsim_core::device::Devices;
 use rigsim_core::rig::PortId;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
-use rigsim_runner::trace::{Header, Onlooker, Record, Replay, ReplayError, Timed};
+use rigsim_runner::trace::{Header, Observer, Record, Replay, ReplayError, Timed};
 use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
 use crate::exit::{Exit, Failure};
@@ -174,9 +174,9 @@ pub(crate) fn compare(devices: Devices, path: &Path) -> Result<Played, Failure> 
     }
 }
 
-/// Plays a recording again for an onlooker, which is made when it is known what it is
+/// Plays a recording again for an observer, which is made when it is known what it is
 /// a recording of.
-pub(crate) fn view<V: Onlooker>(
+pub(crate) fn view<V: Observer>(
     devices: Devices,
     path: &Path,
     viewer: impl FnOnce(&Run) -> Result<V, Failure>,

@@ -13,11 +13,11 @@ use rigsim_settings::show_duration;
 use serde_json::{Value, json};
 
 use crate::args::{Cli, ReplayArgs, ServeArgs};
+use crate::attendant::LogAttendant;
 use crate::config;
 use crate::control::RequestQueue;
 use crate::exit::{Exit, Failure};
 use crate::log::{Log, LogFormat, LogOptions, Words};
-use crate::looking::Looking;
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
 use crate::recording::{self, TraceFile};
@@ -176,7 +176,7 @@ impl Session {
 
     /// Serves to the end.
     fn serve(&mut self) -> Result<Ended, Failure> {
-        let outcome = self.server.serve(&mut Looking {
+        let outcome = self.server.serve(&mut LogAttendant {
             log: Some(&self.log),
             requests: self.requests.as_mut(),
             client: None,

@@ -122,7 +122,7 @@ impl Listener {
 
     /// Sends a message, without waiting: what it has no room for is lost, and it learns how many.
     /// Returns whether there still is a client.
-    pub fn tell(&self, message: &Message) -> bool {
+    pub fn send(&self, message: &Message) -> bool {
         match self.messages.try_send(message.clone()) {
             Ok(()) => {
                 self.watch.queued();

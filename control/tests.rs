@@ -194,7 +194,7 @@ fn a_stream_tells_and_ends() {
     let kept = Arc::clone(&listeners);
     let served = Served::with(move |ask| {
         if let Ask::Listen(listener) = ask {
-            listener.tell(&Message::new("log", || json!({"n": 1})));
+            listener.send(&Message::new("log", || json!({"n": 1})));
             kept.lock().unwrap().push(listener);
         }
         Some(Ok(json!(null)))
@@ -285,7 +285,7 @@ fn a_reader_that_stops_reading_is_let_go() {
         let listeners = listeners.lock().unwrap();
         if listeners
             .first()
-            .is_some_and(|listener: &Listener| !listener.tell(&message))
+            .is_some_and(|listener: &Listener| !listener.send(&message))
         {
             break;
         }

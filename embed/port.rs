@@ -106,7 +106,7 @@ impl ClientPort {
         let mut state = self.simulation.state();
         let State { run, ports } = &mut *state;
         let port = &mut ports[self.index];
-        port.follow(run).map_err(io::Error::other)?;
+        port.update(run).map_err(io::Error::other)?;
         if port.hung_up || port.opened != self.opened {
             let why = format!("the cable of {} was pulled", self.name);
             return Err(io::Error::new(ErrorKind::BrokenPipe, why));

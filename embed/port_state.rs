@@ -44,7 +44,7 @@ impl PortState {
     }
 
     /// Takes what has arrived, and notices that the cable is out.
-    pub(crate) fn follow(&mut self, run: &mut Run) -> Result<(), RunError> {
+    pub(crate) fn update(&mut self, run: &mut Run) -> Result<(), RunError> {
         let mut bytes = Vec::new();
         run.read(self.id, &mut bytes);
         if self.handles == 0 || self.hung_up {

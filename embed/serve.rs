@@ -269,9 +269,9 @@ impl Server {
             if uneven > LITTLE_LATE {
                 self.was_late(uneven);
             }
-            self.follow_cables()?;
+            self.update_cables()?;
             for token in &ready {
-                self.receive(*token, false)?;
+                self.take_input(*token, false)?;
                 // A stop of the machine is seen by a sleep that it outlasts. Who is driving needs that.
                 longest_sleep = FIRST_SLEEP;
             }
@@ -324,7 +324,7 @@ impl Server {
     /// When a port or the simulation fails.
     pub fn take_the_rest(&mut self) -> Result<bool, ServeError> {
         for token in 0..self.ports.len() {
-            self.receive(token, true)?;
+            self.take_input(token, true)?;
         }
         Ok(!self.ports.iter().any(Served::is_attached))
     }
@@ -340,7 +340,7 @@ impl Server {
     }
 
     /// Hangs ports up whose cable has been pulled, and makes those again whose cable is back.
-    fn follow_cables(&mut self) -> Result<(), ServeError> {
+    fn update_cables(&mut self) -> Result<(), ServeError> {
         for (token, served) in self.ports.iter_mut().enumerate() {
             let pulled = self.run.rig().cable_pulled(served.id);
             if !pulled {
@@ -365,7 +365,7 @@ impl Server {
             return;
         }
         let stood = self.clock.set_back(self.now());
-        self.stalled.note(by);
+        self.stalled.add(by);
         self.run.stalled(by, stood);
     }
 
@@ -412,14 +412,14 @@ impl Server {
     /// There was more to do than time to do it. A machine that is too slow does not come to be far
     /// behind, since time is set back at each turn; one that was busy elsewhere does.
     fn fell_behind(&mut self, by: Duration) {
-        if self.slowness.note() {
+        if self.slowness.count_overrun() {
             self.run.too_slow();
         }
         if by > MOST_LATE && !self.slowness.is_slow() {
             self.was_stalled(by);
         } else {
             let stood = self.clock.set_back(self.now());
-            self.stalled.note(by);
+            self.stalled.add(by);
             self.stood_still(stood);
         }
     }
@@ -443,7 +443,7 @@ impl Server {
 
     /// Takes what a port has to tell, but bytes that wait for a later time only if that has come. What one
     /// look finds has the time of the first of it: the time that looking takes is no pause between bytes.
-    fn receive(&mut self, token: usize, resumes: bool) -> Result<(), ServeError> {
+    fn take_input(&mut self, token: usize, resumes: bool) -> Result<(), ServeError> {
         let mut buffer = [0; 4096];
         let Some(served) = self.ports.get_mut(token) else {
             return Ok(());
@@ -530,7 +530,7 @@ impl Server {
     fn resume(&mut self) -> Result<(), ServeError> {
         for token in 0..self.ports.len() {
             if self.may_resume(token) {
-                self.receive(token, true)?;
+                self.take_input(token, true)?;
             }
         }
         Ok(())

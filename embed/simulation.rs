@@ -202,7 +202,7 @@ impl State {
     pub(crate) fn advance(&mut self, to: SimTime) -> Result<(), RunError> {
         self.run.advance(to)?;
         for port in &mut self.ports {
-            port.follow(&mut self.run)?;
+            port.update(&mut self.run)?;
         }
         Ok(())
     }

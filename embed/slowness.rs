@@ -22,7 +22,7 @@ pub struct Stalls {
 }
 
 impl Stalls {
-    pub(crate) fn note(&mut self, by: Duration) {
+    pub(crate) fn add(&mut self, by: Duration) {
         self.times += 1;
         self.total = self.total.saturating_add(by);
         self.longest = self.longest.max(by);
@@ -40,7 +40,7 @@ pub(crate) struct Slowness {
 
 impl Slowness {
     /// A budget was used up; says whether this is the first time that there are too many.
-    pub(crate) fn note(&mut self) -> bool {
+    pub(crate) fn count_overrun(&mut self) -> bool {
         let now = Instant::now();
         let (since, count) = self.count.unwrap_or((now, 0));
         let is_old = now - since > COUNTED;

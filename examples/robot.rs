@@ -283,7 +283,7 @@ impl Robot {
         }
     }
 
-    fn tell(&mut self, at: SimTime, code: Code, text: String) {
+    fn emit(&mut self, at: SimTime, code: Code, text: String) {
         self.events.push_back((at, EventKind::new(code, text)));
     }
 }
@@ -299,12 +299,12 @@ impl Device for Robot {
                 let line = line.escape_ascii().to_string();
                 let reply = self.obey(now, &line);
                 match reply {
-                    Some(_) => self.tell(now, code::REQUEST, line),
-                    None => self.tell(now, BAD_LINE, format!("no command: {line}")),
+                    Some(_) => self.emit(now, code::REQUEST, line),
+                    None => self.emit(now, BAD_LINE, format!("no command: {line}")),
                 }
                 let reply = reply.unwrap_or_else(|| "E".to_owned());
                 self.output.push_back(format!("{reply}\n").into_bytes());
-                self.tell(now, code::REPLY, reply);
+                self.emit(now, code::REPLY, reply);
             }
         }
     }
@@ -314,7 +314,7 @@ impl Device for Robot {
             self.stop_due = None;
             if std::mem::take(&mut self.speeds) != [0; 2] {
                 let text = "no speeds in time: the wheels stop".to_owned();
-                self.tell(now, WATCHDOG_FIRED, text);
+                self.emit(now, WATCHDOG_FIRED, text);
             }
         }
     }
@@ -327,7 +327,7 @@ impl Device for Robot {
         !self.output.is_empty() || !self.events.is_empty()
     }
 
-    fn settle(&mut self, _now: SimTime) {
+    fn exchange_signals(&mut self, _now: SimTime) {
         self.body
             .set_speeds(self.speeds.map(|speed| f64::from(speed) / 1000.0));
     }

@@ -222,13 +222,13 @@ impl Plant for MecanumPlant {
             self.rest(step);
         } else {
             let seconds = step.as_secs_f64();
-            let velocity = self.body.follow(world);
-            self.drive.follow(velocity, &self.wheel_faults);
-            self.settle(world, seconds);
+            let velocity = self.body.update_motion(world);
+            self.drive.take_velocity(velocity, &self.wheel_faults);
+            self.stop_when_slow(world, seconds);
         }
         // Others may be moving around it.
         self.sensors
-            .follow(step, world, self.body.id(), self.body.motion());
+            .measure_due(step, world, self.body.id(), self.body.motion());
     }
 
     /// Nothing changes then, so the span may be anything.
@@ -236,7 +236,7 @@ impl Plant for MecanumPlant {
         self.drive.forget_step();
     }
 
-    fn follow_payload(&mut self, world: &mut World) {
+    fn apply_payload(&mut self, world: &mut World) {
         let payload = self.body.total_payload();
         self.drive.set_payload(&self.settings, payload);
         let gear = &self.drive.gear;

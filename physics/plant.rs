@@ -52,7 +52,7 @@ pub trait Plant {
     fn rest(&mut self, _span: Duration) {}
 
     /// Sets the mass of its body in the world to that with its payload.
-    fn follow_payload(&mut self, world: &mut World);
+    fn apply_payload(&mut self, world: &mut World);
 
     /// Lifts it and sets it down elsewhere, standing.
     fn place(&mut self, world: &mut World, pose: Pose);
@@ -90,13 +90,13 @@ pub trait Plant {
     /// Puts a payload on the deck, kg.
     fn set_payload(&mut self, world: &mut World, payload: f64) {
         self.vehicle_mut().set_payload(payload);
-        self.follow_payload(world);
+        self.apply_payload(world);
     }
 
     /// Replaces all that is wrong with it as a body.
     fn set_body_faults(&mut self, world: &mut World, faults: &BodyFaults) {
         self.vehicle_mut().set_faults(faults);
-        self.follow_payload(world);
+        self.apply_payload(world);
     }
 
     /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.

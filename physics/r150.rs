@@ -122,7 +122,7 @@ impl R150Plant {
 
     /// Says that so much of the step that comes has passed when what follows is done to the pins.
     pub fn pass_to(&mut self, passed: Duration) {
-        self.follow_duty(passed.as_secs_f64());
+        self.ramp_duties(passed.as_secs_f64());
     }
 
     /// Drives the pins. Voltages and currents follow at once, and the motors' duty along its ramp.
@@ -179,7 +179,7 @@ impl R150Plant {
 
     /// Moves the drivers' duties towards what the firmware wants, up to so many seconds into the step
     /// that comes.
-    fn follow_duty(&mut self, passed: f64) {
+    fn ramp_duties(&mut self, passed: f64) {
         let seconds = passed - self.passed;
         if seconds <= 0.0 {
             return;
@@ -190,7 +190,7 @@ impl R150Plant {
             let opens = wanted == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
             let driver = &mut self.drive.drivers[side.index()];
             if self.commands.propulsion_power && !opens {
-                driver.follow(wanted, &self.settings.motor, seconds);
+                driver.ramp(wanted, &self.settings.motor, seconds);
             } else {
                 driver.duty = 0.0;
             }
@@ -295,13 +295,13 @@ impl Plant for R150Plant {
         }
         let seconds = world.step_length().as_secs_f64();
         self.passed = 0.0;
-        let velocity = self.body.follow(world);
-        self.drive.gear.follow(velocity);
-        self.note_encoders();
+        let velocity = self.body.update_motion(world);
+        self.drive.gear.take_velocity(velocity);
+        self.update_encoders();
         self.solve_network();
         self.pass(seconds);
         self.warm_drivers();
-        self.settle(world, seconds);
+        self.stop_when_slow(world, seconds);
     }
 
     /// Charge, temperatures and fuses advance in closed form, so the span may be anything; the
@@ -313,7 +313,7 @@ impl Plant for R150Plant {
         self.solve_network();
     }
 
-    fn follow_payload(&mut self, world: &mut World) {
+    fn apply_payload(&mut self, world: &mut World) {
         let payload = self.body.total_payload();
         self.drive.set_payload(&self.settings, payload);
         let gear = &self.drive.gear;

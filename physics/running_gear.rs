@@ -227,7 +227,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
 
     /// Counts for how long the vehicle `could_stand`; brings it to a full stop when that has been
     /// long enough, and says so.
-    pub(crate) fn settle(
+    pub(crate) fn stop_when_slow(
         &mut self,
         body: &mut VehicleBody,
         world: &mut World,
@@ -235,7 +235,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         could_stand: bool,
     ) -> bool {
         let velocity = body.motion().body_velocity();
-        let stands = body.settle(world, seconds, could_stand);
+        let stands = body.stop_when_slow(world, seconds, could_stand);
         if stands {
             let held = self.of_body(velocity);
             if let Some(energy) = &mut self.energy {
@@ -311,7 +311,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             if span.to >= step {
                 break;
             }
-            self.traction.follow(velocity, self.wheel_speed);
+            self.traction.update_deflections(velocity, self.wheel_speed);
         }
         world.lead(body.id(), &course);
     }
@@ -385,12 +385,12 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
     }
 
     /// Takes over the velocity that a step really ended with.
-    pub(crate) fn follow(&mut self, velocity: [f64; 3]) {
+    pub(crate) fn take_velocity(&mut self, velocity: [f64; 3]) {
         let given = self.of_body(velocity) - self.led_to;
         if let Some(energy) = &mut self.energy {
             energy.outside += given;
         }
-        self.traction.follow(velocity, self.wheel_speed);
+        self.traction.update_deflections(velocity, self.wheel_speed);
     }
 
     /// Energy of the body at a velocity, J.

@@ -276,7 +276,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
     ///
     /// These differ from the solver's where the body met an obstacle: a vehicle that pushes a wall
     /// keeps its tyres strained and stands still.
-    pub fn follow(&mut self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS]) {
+    pub fn update_deflections(&mut self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS]) {
         let dt = self.dt;
         for patch in &mut self.patches {
             let slip = patch.slip(velocity, wheel_speeds[patch.place.wheel] * self.law.radius);

@@ -141,7 +141,7 @@ impl VehicleBody {
 
     /// Takes over what a step did; gives its velocity ahead and to the left in
     /// m/s, and its yaw rate in rad/s.
-    pub fn follow(&mut self, world: &World) -> [f64; 3] {
+    pub fn update_motion(&mut self, world: &World) -> [f64; 3] {
         let before = std::mem::replace(&mut self.motion, world.motion(self.id));
         let (x, y) = (self.motion.x - before.x, self.motion.y - before.y);
         self.distance += (x * x + y * y).sqrt();
@@ -160,7 +160,7 @@ impl VehicleBody {
 
     /// Counts for how long it `could_stand`, being slow and driven by nothing; brings it to a full
     /// stop when that has been long enough, and says so.
-    pub fn settle(&mut self, world: &mut World, seconds: f64, could_stand: bool) -> bool {
+    pub fn stop_when_slow(&mut self, world: &mut World, seconds: f64, could_stand: bool) -> bool {
         if !could_stand {
             self.settled = 0.0;
             return false;

@@ -184,7 +184,7 @@ impl World {
         self.end_leads();
         self.steps += 1;
         self.check_finite()?;
-        self.note_contacts();
+        self.record_contacts();
         Ok(())
     }
 
@@ -229,7 +229,7 @@ impl World {
         })
     }
 
-    fn note_contacts(&mut self) {
+    fn record_contacts(&mut self) {
         let narrow_phase = &self.rapier.narrow_phase;
         let anything_near = narrow_phase.contact_pairs().next().is_some();
         for body in &mut self.bodies {

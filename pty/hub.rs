@@ -128,7 +128,7 @@ impl Hub {
         let mut of_this_read = 0;
         for _ in 0..MOST_REPORTS {
             match reader.next() {
-                Ok(event) => state.note(event.wd(), event.events()),
+                Ok(event) => state.record_event(event.wd(), event.events()),
                 Err(Errno::AGAIN) => return Ok(()),
                 Err(Errno::INTR) => continue,
                 Err(errno) => return Err(PortErrorKind::call("read")(errno)),
@@ -162,7 +162,7 @@ impl Node {
 }
 
 impl State {
-    fn note(&mut self, wd: i32, events: ReadFlags) {
+    fn record_event(&mut self, wd: i32, events: ReadFlags) {
         if events.contains(ReadFlags::QUEUE_OVERFLOW) {
             // Who came and went is lost: every port is looked at.
             self.ready.extend(self.nodes.values().map(|n| n.token));
@@ -257,7 +257,7 @@ impl Registration {
 
     /// The port has been looked at: is it to be looked at again, or is nothing left there? Departures are
     /// yet to be dealt with.
-    pub(crate) fn note(&self, idle: bool) {
+    pub(crate) fn mark_polled(&self, idle: bool) {
         let pending = self.departures() != Departures::None;
         let mut state = self.hub.lock();
         if idle && !pending {
@@ -384,7 +384,7 @@ mod tests {
                     'o' => ReadFlags::OPEN,
                     _ => ReadFlags::CLOSE_WRITE,
                 };
-                state.note(1, events);
+                state.record_event(1, events);
             }
             assert_eq!(state.nodes[&1].departures(), expected, "{reports}");
         }

@@ -45,7 +45,7 @@ impl NetDecoder {
             settings,
             lines: ModemState::DSR | ModemState::CD | ModemState::CTS,
         };
-        decoder.tell_lines();
+        decoder.send_lines();
         decoder
     }
 
@@ -139,10 +139,10 @@ impl NetDecoder {
         let others = self.lines.bits() & !lines.bits();
         let driven = if on { lines.bits() } else { 0 };
         self.lines = ModemState::from_bits(others | driven);
-        self.tell_lines();
+        self.send_lines();
     }
 
-    fn tell_lines(&mut self) {
+    fn send_lines(&mut self) {
         if let Some(server) = &mut self.server {
             // Where there is no room to tell it, the client does not read, and can ask later.
             let _ = server.try_set_modem_state(self.lines);

@@ -163,7 +163,7 @@ impl Kind for NetPort {
     fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         let event = self.next_event(buf)?;
         if let Some(registration) = &self.registration {
-            registration.note(event == Some(Event::Idle));
+            registration.mark_polled(event == Some(Event::Idle));
         }
         Ok(event.unwrap_or(Event::Idle))
     }

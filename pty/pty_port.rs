@@ -129,7 +129,7 @@ impl Kind for PtyPort {
             .map_err(|kind| self.error("read from", kind))?;
         self.watch_room()?;
         if let Some(registration) = &self.registration {
-            registration.note(event == Some(Event::Idle));
+            registration.mark_polled(event == Some(Event::Idle));
         }
         Ok(event.unwrap_or(Event::Idle))
     }

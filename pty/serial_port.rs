@@ -136,7 +136,7 @@ impl Kind for SerialPort {
     fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         let event = self.next_event(buf)?;
         if let Some(registration) = &self.registration {
-            registration.note(event == Event::Idle);
+            registration.mark_polled(event == Event::Idle);
         }
         Ok(event)
     }

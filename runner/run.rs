@@ -288,7 +288,7 @@ impl Run {
         let next = self.next_instant();
         let before = (next - NANOSECOND).min(to);
         if next > self.rig.now() && self.rig.advance_to_event(before)? {
-            self.follow_up(self.rig.now())?;
+            self.process_events(self.rig.now())?;
         } else if next > to {
             return Ok(false);
         } else {
@@ -361,7 +361,7 @@ impl Run {
     /// the run does not pass.
     pub fn fail(&mut self, what: String) {
         let at = self.rig.now();
-        self.note_failure(FailureKind::Client, at, None, what);
+        self.add_failure(FailureKind::Client, at, None, what);
     }
 
     /// Counts of what happened at each device so far, and of what is attributed to its client.

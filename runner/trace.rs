@@ -24,9 +24,9 @@
 //! | `failure` | something was not as the file says |
 //! | `end` | the last line |
 
-mod onlooker;
+mod observer;
 mod replay;
 
 pub use crate::run::record::{FORMAT, Header, Hexed, MOST_BYTES, PortRecord, Record, Timed};
-pub use onlooker::Onlooker;
+pub use observer::Observer;
 pub use replay::{Difference, Replay, ReplayError, Sent};

@@ -252,7 +252,7 @@ impl<'a> Setup<'a> {
 /// Firmware and hardware of one device, tied together.
 ///
 /// Time never goes back. After `advance`, and after a `receive` that has led to output, the rig calls
-/// `settle`, and takes all output and events.
+/// `exchange_signals`, and takes all output and events.
 pub trait Device: Any + Send + Sync {
     /// Takes bytes whose last has arrived on `link` at `now`.
     fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]);
@@ -268,7 +268,7 @@ pub trait Device: Any + Send + Sync {
     fn has_output(&self) -> bool;
 
     /// Passes pins and measurements between firmware and hardware until neither changes.
-    fn settle(&mut self, now: SimTime);
+    fn exchange_signals(&mut self, now: SimTime);
 
     /// Bytes for the client of a link.
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)>;

@@ -53,7 +53,7 @@ impl<O, S> Shell<O, S> {
     }
 
     /// Reports an event that is its code and its words.
-    pub(crate) fn tell(&mut self, now: SimTime, code: Code, text: impl Into<Cow<'static, str>>) {
+    pub(crate) fn emit(&mut self, now: SimTime, code: Code, text: impl Into<Cow<'static, str>>) {
         self.report(now, EventKind::new(code, text));
     }
 
@@ -167,12 +167,12 @@ pub trait Firmware {
     }
 
     /// Without a supply the firmware forgets everything; with one again it boots.
-    fn follow_supply(&mut self, now: SimTime, had_supply: bool, boot_time: Duration) {
+    fn update_supply(&mut self, now: SimTime, had_supply: bool, boot_time: Duration) {
         match (had_supply, self.has_supply()) {
             (true, false) => {
                 self.forget();
                 self.shell_mut().boot_due = None;
-                self.tell_power_lost(now);
+                self.emit_power_lost(now);
             }
             (false, true) => {
                 self.shell_mut().boot_due = Some(now + boot_time);
@@ -183,9 +183,9 @@ pub trait Firmware {
     }
 
     /// Reports that its supply is gone.
-    fn tell_power_lost(&mut self, now: SimTime) {
+    fn emit_power_lost(&mut self, now: SimTime) {
         let text = format!("{} lost its supply and is silent", Self::NAME);
-        self.shell_mut().tell(now, code::POWER_LOST, text);
+        self.shell_mut().emit(now, code::POWER_LOST, text);
     }
 
     /// Begins the program if it is time.
@@ -194,7 +194,7 @@ pub trait Firmware {
         if boot_due.take_if(|due| *due <= now).is_some() {
             self.start(now);
             let text = format!("{} has started", Self::NAME);
-            self.shell_mut().tell(now, code::STARTED, text);
+            self.shell_mut().emit(now, code::STARTED, text);
         }
     }
 
@@ -208,7 +208,7 @@ pub trait Firmware {
         self.shell_mut().boot_due = Some(now + boot);
         let (name, silence) = (Self::NAME, show_duration(boot));
         let text = format!("{name}'s firmware restarts; it is silent for {silence}");
-        self.shell_mut().tell(now, code::FIRMWARE_RESET, text);
+        self.shell_mut().emit(now, code::FIRMWARE_RESET, text);
         true
     }
 

@@ -81,7 +81,7 @@ impl SerialLine {
 
     /// A client opened the port. What arrives from now on is its.
     pub fn attach(&mut self, now: SimTime) {
-        self.settle(now);
+        self.catch_up(now);
         self.attached = true;
         self.reported.retain(|reported| *reported == mismatch());
     }
@@ -89,7 +89,7 @@ impl SerialLine {
     /// The client is gone. What its UART holds still goes out, the rest of what it has sent does
     /// not.
     pub fn detach(&mut self, now: SimTime) {
-        self.settle(now);
+        self.catch_up(now);
         self.attached = false;
         self.lose_arrived();
         self.to_device.discard_beyond(UART_FIFO);
@@ -176,7 +176,7 @@ impl SerialLine {
 
     /// The device sends a frame.
     pub fn device_sends(&mut self, now: SimTime, frame: &[u8]) -> Option<LineEvent> {
-        self.settle(now);
+        self.catch_up(now);
         let mut bytes = self.to_client.make_room(frame.len());
         if self.to_client.kept() + frame.len() > MOST_IN_FLIGHT {
             bytes += frame.len();
@@ -206,7 +206,7 @@ impl SerialLine {
 
     /// Changes an end of the line, and what is under way with it.
     fn change<T>(&mut self, now: SimTime, change: impl FnOnce(&mut Self) -> T) -> T {
-        self.settle(now);
+        self.catch_up(now);
         let old = [self.to_device_ends(), self.to_client_ends()];
         let changed = change(self);
         let new = [self.to_device_ends(), self.to_client_ends()];
@@ -244,9 +244,9 @@ impl SerialLine {
     }
 
     /// Brings both directions to where they are at `now`, before anything changes at an end.
-    fn settle(&mut self, now: SimTime) {
-        self.to_device.settle(now, self.to_device_ends());
-        self.to_client.settle(now, self.to_client_ends());
+    fn catch_up(&mut self, now: SimTime) {
+        self.to_device.catch_up(now, self.to_device_ends());
+        self.to_client.catch_up(now, self.to_client_ends());
         if !self.attached {
             self.lose_arrived();
         }
@@ -259,13 +259,13 @@ impl SerialLine {
 
     /// The next byte that has arrived at the device by `now`.
     pub fn take_for_device(&mut self, now: SimTime) -> Option<u8> {
-        self.to_device.settle(now, self.to_device_ends());
+        self.to_device.catch_up(now, self.to_device_ends());
         self.to_device.take(now).map(|(_, byte)| byte)
     }
 
     /// The next byte that has arrived at the client's adapter by `now`, and when.
     pub(crate) fn take_off_wire(&mut self, now: SimTime) -> Option<(SimTime, u8)> {
-        self.settle(now);
+        self.catch_up(now);
         self.to_client.take(now)
     }
 

@@ -135,7 +135,7 @@ impl Mecanum {
             tips: false,
             tipped_at: None,
         };
-        car.settle(SimTime::ZERO);
+        car.exchange_signals(SimTime::ZERO);
         car
     }
 
@@ -176,7 +176,7 @@ impl Mecanum {
 impl Device for Mecanum {
     fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]) {
         if let Some(link) = Link::from_index(link) {
-            self.device.receive(now, link, bytes);
+            self.device.handle_bytes(now, link, bytes);
         }
     }
 
@@ -195,7 +195,7 @@ impl Device for Mecanum {
         self.device.has_output() || self.tipped_at.is_some()
     }
 
-    fn settle(&mut self, now: SimTime) {
+    fn exchange_signals(&mut self, now: SimTime) {
         if self.pulse_due.is_some_and(|due| due <= now) {
             self.pass_to(now);
             self.pulse_taken = now;

@@ -149,7 +149,7 @@ impl MecanumDevice {
     }
 
     /// Takes bytes whose last has arrived on `link` at `now`.
-    pub fn receive(&mut self, now: SimTime, link: Link, bytes: &[u8]) {
+    pub fn handle_bytes(&mut self, now: SimTime, link: Link, bytes: &[u8]) {
         self.advance_before(now);
         if !self.hears(bytes.len()) {
             return;
@@ -177,7 +177,7 @@ impl MecanumDevice {
         self.advance_before(now);
         let measured = &self.overlook(measured);
         let was_powered = std::mem::replace(&mut self.measured, *measured).board_powered;
-        self.follow_supply(now, was_powered, Duration::ZERO);
+        self.update_supply(now, was_powered, Duration::ZERO);
         if was_powered && self.works() {
             let shell = &mut self.shell;
             self.drive.sense(now, &measured.pulses, &mut |change| {
@@ -193,12 +193,12 @@ impl MecanumDevice {
     pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.advance_before(now);
         let text = format!("operator: {action}");
-        self.shell.tell(now, OPERATED, text);
+        self.shell.emit(now, OPERATED, text);
         match action {
             OperatorInput::Press(movement) => {
                 if self.works() && !self.drive.remote {
                     let text = format!("{movement} key has no effect: the board drives");
-                    self.shell.tell(now, event::KEY_IGNORED, text);
+                    self.shell.emit(now, event::KEY_IGNORED, text);
                 }
                 self.drive.set_key(now, Some(movement));
             }

@@ -135,7 +135,7 @@ impl R150 {
             plant_at: SimTime::ZERO,
             watch: Watch::default(),
         };
-        vehicle.settle(SimTime::ZERO);
+        vehicle.exchange_signals(SimTime::ZERO);
         vehicle
     }
 
@@ -170,7 +170,7 @@ impl R150 {
 
 impl Device for R150 {
     fn receive(&mut self, now: SimTime, _link: usize, bytes: &[u8]) {
-        self.device.receive(now, bytes);
+        self.device.handle_bytes(now, bytes);
     }
 
     fn advance(&mut self, now: SimTime) {
@@ -189,7 +189,7 @@ impl Device for R150 {
         self.device.has_output() || self.watch.has_output()
     }
 
-    fn settle(&mut self, now: SimTime) {
+    fn exchange_signals(&mut self, now: SimTime) {
         for _ in 0..MOST_ROUNDS {
             self.device.sense(now, &self.plant.measurements());
             let commands = self.device.commands();

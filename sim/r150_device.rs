@@ -114,7 +114,7 @@ impl R150Device {
             settings,
         };
         if !measured.module_powered {
-            device.tell_power_lost(SimTime::ZERO);
+            device.emit_power_lost(SimTime::ZERO);
         } else if !device.settings.boot_time.is_zero() {
             device.shell.boot_due = Some(SimTime::ZERO + device.settings.boot_time);
         }
@@ -122,7 +122,7 @@ impl R150Device {
     }
 
     /// Takes bytes whose last has arrived at `now`.
-    pub fn receive(&mut self, now: SimTime, bytes: &[u8]) {
+    pub fn handle_bytes(&mut self, now: SimTime, bytes: &[u8]) {
         self.advance_before(now);
         if !self.hears(bytes.len()) {
             return;
@@ -145,19 +145,19 @@ impl R150Device {
     /// Takes what the sensors read at `now`.
     pub fn sense(&mut self, now: SimTime, measured: &R150Measurements) {
         self.advance_before(now);
-        self.can.follow(now, self.motors.set_point);
+        self.can.update(now, self.motors.set_point);
         if self.overlooks(measured) {
             return;
         }
         self.read_encoders(now, measured);
         let was_powered = std::mem::replace(&mut self.measured, *measured).module_powered;
-        self.follow_supply(now, was_powered, self.settings.boot_time);
+        self.update_supply(now, was_powered, self.settings.boot_time);
         if self.runs() {
             let requested = self.control.outputs.power;
             let shell = &mut self.shell;
             self.protection
                 .sense(now, measured, requested, &mut |code, text| {
-                    shell.tell(now, code, text);
+                    shell.emit(now, code, text);
                 });
         }
     }
@@ -166,7 +166,7 @@ impl R150Device {
     pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.advance_before(now);
         self.shell
-            .tell(now, OPERATED, format!("operator: {action}"));
+            .emit(now, OPERATED, format!("operator: {action}"));
         match action {
             OperatorInput::AppHolds(parts) => self.control.app_holds(parts),
             OperatorInput::AppSets(outputs) => self.control.app_sets(outputs),
@@ -262,7 +262,7 @@ impl R150Device {
         let requested = self.control.outputs.power;
         self.protection
             .requested(now, requested, &mut |code, text| {
-                shell.tell(now, code, text);
+                shell.emit(now, code, text);
             });
     }
 }
@@ -297,13 +297,13 @@ impl Firmware for R150Device {
     }
 
     fn serve(&mut self, now: SimTime) {
-        self.can.follow(now, self.motors.set_point);
+        self.can.update(now, self.motors.set_point);
         let mut found = Vec::new();
         self.decoder.expire(now, &mut |decoded| found.push(decoded));
         self.handle(now, found);
         if self.control.expire(now, &self.settings) {
             let text = "heartbeat lost: no valid frame in time, control went back to the app";
-            self.shell.tell(now, event::HEARTBEAT_LOST, text);
+            self.shell.emit(now, event::HEARTBEAT_LOST, text);
             self.power_requested(now);
         }
         if self.shell.defects.watchdog_off {
@@ -324,13 +324,13 @@ impl Firmware for R150Device {
         let shell = &mut self.shell;
         self.protection
             .advance(now, self.control.outputs.power, &mut |code, text| {
-                shell.tell(now, code, text);
+                shell.emit(now, code, text);
             });
         self.send_due(now);
     }
 
     fn start(&mut self, now: SimTime) {
-        self.can.follow(now, self.motors.set_point);
+        self.can.update(now, self.motors.set_point);
     }
 
     /// The vehicle's own state stays.

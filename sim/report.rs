@@ -40,7 +40,7 @@ pub struct Report {
 
 impl Report {
     /// Counts an event.
-    pub fn note(&mut self, event: &Event) {
+    pub fn add_event(&mut self, event: &Event) {
         let kind = &event.kind;
         match kind.role() {
             Role::Request => return self.requests += 1,

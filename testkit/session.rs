@@ -126,7 +126,7 @@ impl Player {
         match operation {
             Operation::Send { port, message } => self.send(*port, message),
             Operation::Wait(wait) => self.wait(*wait),
-            Operation::Follow(count) => self.follow(*count),
+            Operation::Follow(count) => self.play_events(*count),
             Operation::Read { port } => {
                 let port = self.port(*port);
                 self.read(port);
@@ -205,7 +205,7 @@ impl Player {
             }
             Operation::Late { by, stood } => {
                 let [by, stood] = [by, stood].map(|span| Duration::from_millis((*span).into()));
-                self.rig.tell_all(LineEvent::SimulatorStalled { by });
+                self.rig.emit_at_all(LineEvent::SimulatorStalled { by });
                 self.rig.late(by, stood);
             }
         }
@@ -274,7 +274,7 @@ impl Player {
     }
 
     /// From event to event, with clients that read at once.
-    fn follow(&mut self, count: u8) {
+    fn play_events(&mut self, count: u8) {
         // What was done at this instant may have left something to be done at it.
         self.advance(self.now);
         self.read_all();

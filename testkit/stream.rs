@@ -118,7 +118,7 @@ pub fn r150(stream: &Stream<'_>) {
         stream,
         &*DEVICE,
         now,
-        |device, bytes| device.receive(now, bytes),
+        |device, bytes| device.handle_bytes(now, bytes),
         R150Device::commands,
         |frame| frames_cover(frame),
     );
@@ -186,7 +186,7 @@ fn split_mecanum(stream: &Stream<'_>, link: Link) {
         stream,
         &*DEVICE,
         now,
-        |device, bytes| device.receive(now, link, bytes),
+        |device, bytes| device.handle_bytes(now, link, bytes),
         MecanumDevice::commands,
         |(link, bytes)| sends_well(*link, bytes),
     );

@@ -22,7 +22,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use harness::wire::motors;
-use harness::{Finished, Sim, command, tell_skipped, until};
+use harness::{Finished, Sim, command, report_skipped, until};
 
 /// A simulator that is controlled, in a folder of its own where it is found and leaves its trace.
 struct Controlled {
@@ -91,7 +91,7 @@ fn has(program: &str) -> bool {
             program != "python3" || std::env::var_os("SIM_TEST_PYTHON").is_none(),
             "SIM_TEST_PYTHON is set, and there is no Python"
         );
-        tell_skipped("a test of control", &format!("there is no {program}"));
+        report_skipped("a test of control", &format!("there is no {program}"));
     }
     found
 }

@@ -24,7 +24,7 @@ use std::sync::LazyLock;
 
 use tempfile::TempDir;
 
-use harness::{Sim, command, run, tell_skipped};
+use harness::{Sim, command, report_skipped, run};
 
 /// Set where Python clients must not be passed over.
 const PYTHON_IS_THERE: &str = "SIM_TEST_PYTHON";
@@ -216,7 +216,7 @@ fn commands_with_python_clients_print_what_is_shown() {
     let folder = folder();
     let probe = shell(folder.path(), "python3 -c 'import serial'").output();
     if !probe.unwrap().status.success() && std::env::var_os(PYTHON_IS_THERE).is_none() {
-        tell_skipped("clients in the documentation", "no python3 with pyserial");
+        report_skipped("clients in the documentation", "no python3 with pyserial");
         return;
     }
     for document in PAGES.iter() {

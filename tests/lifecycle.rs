@@ -13,7 +13,7 @@ use std::os::unix::fs::symlink;
 use std::path::Path;
 
 use harness::client::Client;
-use harness::{Finished, Sim, command, run, tell_skipped, until};
+use harness::{Finished, Sim, command, report_skipped, run, until};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -34,7 +34,7 @@ fn serve(path: &Path) -> Finished {
 fn a_signal_ends_it_well_and_nothing_is_left() {
     for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
         if signal == Signal::HUP && hangup_is_ignored() {
-            tell_skipped(
+            report_skipped(
                 "SIGHUP",
                 "it is ignored here, as under nohup, and so by the simulator",
             );

@@ -338,7 +338,7 @@ fn a_limit_of_file_sizes_is_a_full_disk() {
 fn a_limit_of_threads_means_fewer_at_a_time_or_an_error() {
     if !rustix::process::geteuid().is_root() {
         // The limit counts all that a user runs, and root alone can become one who runs nothing.
-        harness::tell_skipped("limits of threads", "only root can become another user");
+        harness::report_skipped("limits of threads", "only root can become another user");
         return;
     }
     let folder = tempfile::tempdir().unwrap();

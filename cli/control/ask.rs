@@ -104,7 +104,7 @@ pub(super) fn time(
             return Err(Refusal::new(422, why));
         }
     }
-    run.note_pace(&change.to_string());
+    run.record_pace(&change.to_string());
     Ok(matches!(read, TimeChange::Step(_)))
 }
 

@@ -418,7 +418,7 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
     let answer = thread::scope(|scope| {
         let (over, is_over) = mpsc::channel::<()>();
         if wait {
-            scope.spawn(move || tell_of_pauses(client, &is_over));
+            scope.spawn(move || report_pauses(client, &is_over));
         }
         let answer = call(client, "POST", path, Some(&step));
         drop(over);
@@ -444,7 +444,7 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
 
 /// Says on standard error when a request waits for what does not come while time stands still, until the
 /// other end of `is_over` is dropped.
-fn tell_of_pauses(client: &Client, is_over: &mpsc::Receiver<()>) {
+fn report_pauses(client: &Client, is_over: &mpsc::Receiver<()>) {
     let mut is_said = false;
     while let Err(RecvTimeoutError::Timeout) = is_over.recv_timeout(LOOK) {
         let Ok(state) = client.call("GET", "/v1/state", None) else {

@@ -59,8 +59,8 @@ impl Listening {
         }
     }
 
-    pub(super) fn tell(&mut self, message: &Message) {
-        self.gone |= !self.listener.tell(message);
+    pub(super) fn send(&mut self, message: &Message) {
+        self.gone |= !self.listener.send(message);
     }
 }
 

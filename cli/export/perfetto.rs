@@ -79,9 +79,9 @@ impl Perfetto {
         let scenario = run.scenario();
         let track = perfetto.track(0, "scenario", None)?;
         perfetto.event(0, Kind::Instant, track, |event| {
-            note(MARK, env!("CARGO_PKG_VERSION"), event);
-            note("seed", &run.seed().to_string(), event);
-            note("command", &about.command, event);
+            add_argument(MARK, env!("CARGO_PKG_VERSION"), event);
+            add_argument("seed", &run.seed().to_string(), event);
+            add_argument("command", &about.command, event);
             named(&scenario.title, "run", event);
         })?;
         for plan in &scenario.rig.devices {
@@ -234,8 +234,8 @@ impl Perfetto {
         let hex: Vec<String> = hex.collect();
         self.event(begin, Kind::Begin, track, |event| {
             named(name, category, event);
-            note("words", &frame.found.show(), event);
-            note("bytes", &hex.join(" "), event);
+            add_argument("words", &frame.found.show(), event);
+            add_argument("bytes", &hex.join(" "), event);
             fixed64::encode_repeated(47, &flows, event);
             fixed64::encode_repeated(48, &ended, event);
         })?;
@@ -267,7 +267,7 @@ impl Perfetto {
         let track = self.track(device, "events", None)?;
         self.event(at, Kind::Instant, track, |data| {
             named(event.kind.code().as_str(), category, data);
-            note("text", &event.kind.to_string(), data);
+            add_argument("text", &event.kind.to_string(), data);
         })
     }
 
@@ -346,7 +346,7 @@ fn named(name: &str, category: &str, event: &mut Vec<u8>) {
 }
 
 /// Adds an argument to a track event.
-fn note(name: &str, text: &str, event: &mut Vec<u8>) {
+fn add_argument(name: &str, text: &str, event: &mut Vec<u8>) {
     let mut note = Vec::new();
     string::encode(6, &text.to_owned(), &mut note);
     string::encode(10, &name.to_owned(), &mut note);

@@ -7,7 +7,7 @@ use rigsim_core::device::names::Unit;
 use rigsim_core::event::Event;
 use rigsim_runner::Run;
 use rigsim_runner::run::Probe;
-use rigsim_runner::trace::Onlooker;
+use rigsim_runner::trace::Observer;
 
 use super::space::Trigger;
 
@@ -209,16 +209,16 @@ fn share(part: u64, whole: u64) -> f64 {
     part as f64 / whole as f64
 }
 
-impl Onlooker for Samples {
+impl Observer for Samples {
     fn event(&mut self, run: &Run, _event: &Event) {
         self.sample(run);
     }
 
-    fn next_look(&self) -> SimTime {
+    fn next_sample(&self) -> SimTime {
         self.next
     }
 
-    fn look(&mut self, run: &Run) {
+    fn sample(&mut self, run: &Run) {
         self.sample(run);
         self.next = run.rig().now() + EVERY;
     }

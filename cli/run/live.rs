@@ -7,10 +7,10 @@ use std::time::Duration;
 use anyhow::{Context as _, anyhow};
 use rigsim_pty::Waiter;
 
+use crate::attendant::LogAttendant;
 use crate::client::{Client, Written};
 use crate::control::RequestQueue;
 use crate::exit::Failure;
-use crate::looking::Looking;
 use crate::plan::absolute;
 use crate::published::Published;
 use crate::supervise::ClientEnd;
@@ -160,7 +160,7 @@ struct LivePlay<'a> {
 impl LivePlay<'_> {
     /// Plays until the scenario or the client ends. The client has ended then.
     fn play(&mut self, case: &Case<'_>) -> anyhow::Result<(play::Ended, PlayedClient)> {
-        let ended = self.server.serve(&mut Looking {
+        let ended = self.server.serve(&mut LogAttendant {
             log: None,
             requests: self.requests.as_mut(),
             client: Some((&mut self.published, &mut self.written)),

@@ -42,7 +42,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         return Ok(CaseResult::aborted());
     }
     let (mut run, playing) = Playing::begin(case, stop)?;
-    run.follow_bytes();
+    run.stop_at_bytes();
     let folder = folder::take(case).map_err(Failure::system)?;
     let (shown, mut ports) = open_ports(case, &folder)?;
     let ids = shown.iter().map(|port| port.link.id).collect();
@@ -67,7 +67,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         until: playing.until(),
         stop,
     };
-    let mut stage = Stage {
+    let mut world = LockstepWorld {
         run,
         playing,
         requests,
@@ -80,17 +80,17 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         waits: case.records_waits().then(BTreeMap::new),
         folder: format!("{}/", folder.path().display()),
     };
-    let ending = rigsim_lockstep::run(program, &options, &mut ports, &mut stage);
+    let ending = rigsim_lockstep::run(program, &options, &mut ports, &mut world);
     let ending = ending.map_err(|error| failure(case, error))?;
     // No client is left to be answered.
-    stage.requests = None;
-    stage.note_output(stage.now());
-    stage.waits(ending.at.max(stage.now()), Vec::new());
-    let ended = stage.conclude(case, &ending)?;
+    world.requests = None;
+    world.date_output(world.now());
+    world.waits(ending.at.max(world.now()), Vec::new());
+    let ended = world.conclude(case, &ending)?;
     let client = PlayedClient {
         end: client_end(ending.end),
         stopped: ending.reason != Reason::Itself,
-        output: stage.written.text(),
+        output: world.written.text(),
         outside: ending.outside.into_iter().collect(),
         random_addresses: ending.random_addresses,
         refused: ending.refused.into_iter().collect(),
@@ -98,8 +98,8 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         left: ending.left.into_iter().collect(),
     };
     // The machine has no part in it.
-    let playing = stage.playing;
-    playing.conclude(&mut stage.run, ended, Some(client), None)
+    let playing = world.playing;
+    playing.conclude(&mut world.run, ended, Some(client), None)
 }
 
 fn client_end(end: End) -> ClientEnd {
@@ -160,7 +160,7 @@ fn nanoseconds(span: Duration) -> u64 {
 }
 
 /// The devices, as a client's world.
-struct Stage<'a> {
+struct LockstepWorld<'a> {
     run: Run,
     playing: Playing<'a>,
     requests: Option<RequestQueue>,
@@ -179,7 +179,7 @@ struct Stage<'a> {
     folder: String,
 }
 
-impl Stage<'_> {
+impl LockstepWorld<'_> {
     /// The scenario's time.
     fn at(&self, now: u64) -> SimTime {
         SimTime::from_nanos(now.saturating_sub(self.begun_at.unwrap_or(now)))
@@ -200,7 +200,7 @@ impl Stage<'_> {
 
     /// Reports what has happened to those that listen, and answers requests of the control socket; says
     /// whether that may be what the client waits for. It may have asked something itself if it `ran`.
-    fn settle(&mut self, now: u64, ran: bool) -> Result<bool, Broken> {
+    fn answer_requests(&mut self, now: u64, ran: bool) -> Result<bool, Broken> {
         let Some(requests) = &mut self.requests else {
             self.playing.take(&mut self.run);
             return Ok(false);
@@ -208,7 +208,7 @@ impl Stage<'_> {
         while let Some(event) = self.run.poll_event() {
             requests.event(&event);
         }
-        let any = requests.settle(&mut self.run, ran)?;
+        let any = requests.answer_until_quiet(&mut self.run, ran)?;
         if requests.wants_time() {
             self.begun_at.get_or_insert(now);
         }
@@ -217,7 +217,7 @@ impl Stage<'_> {
     }
 
     /// Does what the run has brought about at the ports; says whether it was anything.
-    fn follow(&mut self, ports: &mut [Port]) -> Result<bool, Broken> {
+    fn update_ports(&mut self, ports: &mut [Port]) -> Result<bool, Broken> {
         let mut any = false;
         let mut bytes = Vec::new();
         for (index, port) in ports.iter_mut().enumerate() {
@@ -287,13 +287,13 @@ impl Stage<'_> {
     }
 
     /// Notes when the client has written what is new.
-    fn note_output(&mut self, now: u64) {
+    fn date_output(&mut self, now: u64) {
         let at = self.begun_at.map(|_| self.at(now));
-        self.written.note(at);
+        self.written.date_output(at);
     }
 }
 
-impl World for Stage<'_> {
+impl World for LockstepWorld<'_> {
     fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken> {
         self.begun_at.get_or_insert(now);
         let id = self.id(port)?;
@@ -381,13 +381,13 @@ impl World for Stage<'_> {
     ) -> Result<Step, Broken> {
         // A client that has not run has written nothing.
         if ran {
-            self.note_output(now);
+            self.date_output(now);
         }
         if ran && self.begun_at.is_some() {
             let at = self.at(now);
             self.published.take(&mut self.run, at)?;
         }
-        if self.settle(now, ran)? {
+        if self.answer_requests(now, ran)? {
             return Ok(Step::To(self.now().max(now)));
         }
         if self.begun_at.is_none() {
@@ -402,7 +402,7 @@ impl World for Stage<'_> {
             to = to.min(self.at(now) + ROOM);
         }
         for _ in 0..MOST_INSTANTS {
-            let any = self.follow(ports)? | self.settle(now, false)?;
+            let any = self.update_ports(ports)? | self.answer_requests(now, false)?;
             if self.run.finished().is_some() {
                 return Ok(Step::Over);
             }

@@ -25,7 +25,7 @@ use crate::visible::{self, lines as readable};
 
 use super::case::{Case, CaseResult, Verdict, unplayed};
 use super::view::View;
-use case::{Detail, note, shown};
+use case::{Detail, render_note, shown};
 
 const STYLE: &str = include_str!("page/style.css");
 /// By this a report is known, which may be replaced.
@@ -163,7 +163,7 @@ pub(super) struct Row {
 
 impl Row {
     pub(super) fn new(name: &str, title: &str, view: View<'_>) -> Self {
-        let inside = html! { @for one in &view.notes { (note(one)) } };
+        let inside = html! { @for one in &view.notes { (render_note(one)) } };
         Self {
             name: name.to_owned(),
             title: title.to_owned(),

@@ -84,26 +84,26 @@ impl<'a> View<'a> {
             failure.or_else(|| outcome.not_applicable.first().cloned())
         };
         view.reason = view.reason.or_else(first);
-        view.note(
+        view.add_notes(
             "not applicable",
             outcome.not_applicable.iter().map(String::clone),
         );
         if let Some(client) = view.client {
             let outside = client.outside.iter();
             let addresses = client.random_addresses.then_some("addresses are random");
-            view.note(
+            view.add_notes(
                 "not repeatable",
                 outside
                     .map(|what| format!("it waited for {what}"))
                     .chain(addresses.map(str::to_owned)),
             );
-            view.note("refused", client.refused.iter().map(String::clone));
+            view.add_notes("refused", client.refused.iter().map(String::clone));
             // Every client tries some of them, and starts helpers.
             let failed = |names: &[String]| {
                 let names = Some(names.join(", ")).filter(|names| !names.is_empty());
                 names.filter(|_| !outcome.passed).into_iter()
             };
-            view.note(
+            view.add_notes(
                 "missing",
                 failed(&client.missing).map(|calls| {
                     format!("{calls}, as on an older system (ENOSYS); most libraries do without")
@@ -112,28 +112,28 @@ impl<'a> View<'a> {
             let left = failed(&client.left);
             let left = left
                 .map(|names| format!("{names} still ran when the client ended, and ended with it"));
-            view.note("left behind", left);
+            view.add_notes("left behind", left);
         }
         for device in &outcome.devices {
             let name = &device.name;
             let damage = device.report.damage();
             let words = damage
                 .map(|(code, tally)| format!("{name}: {}", counted(code, tally.count, tally)));
-            view.note("damage", words);
+            view.add_notes("damage", words);
             // What a scripted client does wrong, its file says.
             let own = device.report.client_errors();
             let own = own.filter(|_| is_live || !outcome.passed);
             let words = own.map(|(code, tally)| {
                 format!("{name}: {}", counted(code, tally.client_errors, tally))
             });
-            view.note("client report", words);
+            view.add_notes("client report", words);
         }
-        view.note("not judged", outcome.not_judged.iter().map(String::clone));
-        view.note("stalled", played.stalled.and_then(stall).into_iter());
+        view.add_notes("not judged", outcome.not_judged.iter().map(String::clone));
+        view.add_notes("stalled", played.stalled.and_then(stall).into_iter());
         view
     }
 
-    pub(crate) fn note(&mut self, label: &'static str, texts: impl Iterator<Item = String>) {
+    pub(crate) fn add_notes(&mut self, label: &'static str, texts: impl Iterator<Item = String>) {
         self.notes.extend(texts.map(|text| Note { label, text }));
     }
 

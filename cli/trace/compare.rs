@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use rigsim_core::SimTime;
 use rigsim_core::event::Event;
 use rigsim_runner::Run;
-use rigsim_runner::trace::Onlooker;
+use rigsim_runner::trace::Observer;
 
 use super::{Part, exit};
 use crate::args::TraceArgs;
@@ -129,13 +129,13 @@ fn parting(a: &[Happened], b: &[Happened], within: Duration, paths: [&PathBuf; 2
     text.push(format!("the same for {count} events, the last of them:"));
     let last = &before[count.saturating_sub(BEFORE)..];
     text.extend(last.iter().map(|one| format!("  {}", one.line)));
-    text.extend(follow(paths[0], rest));
-    text.extend(follow(paths[1], &b[count..]));
+    text.extend(continuation(paths[0], rest));
+    text.extend(continuation(paths[1], &b[count..]));
     text
 }
 
 /// Continuation of one of them.
-fn follow(path: &Path, rest: &[Happened]) -> impl Iterator<Item = String> {
+fn continuation(path: &Path, rest: &[Happened]) -> impl Iterator<Item = String> {
     let word = match rest.is_empty() {
         true => "nothing more happens in",
         false => "then in",
@@ -164,7 +164,7 @@ impl Events {
     }
 }
 
-impl Onlooker for Events {
+impl Observer for Events {
     fn event(&mut self, _: &Run, event: &Event) {
         if self.has_enough() || !self.part.has(event.at, Some(event.device)) {
             return;

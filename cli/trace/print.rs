@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Write as _};
 use rigsim_core::SimTime;
 use rigsim_core::event::Event;
 use rigsim_runner::Run;
-use rigsim_runner::trace::{Onlooker, Record};
+use rigsim_runner::trace::{Observer, Record};
 use rigsim_settings::show_rounded;
 use serde_json::json;
 
@@ -73,7 +73,7 @@ impl Printer {
         }
     }
 
-    fn tell(&mut self, t: u64, code: &'static str, text: &str) {
+    fn emit(&mut self, t: u64, code: &'static str, text: &str) {
         let at = SimTime::from_nanos(t);
         let line = match self.format {
             LogFormat::Text => format!("{at:>12} == {text}"),
@@ -85,33 +85,33 @@ impl Printer {
     }
 }
 
-impl Onlooker for Printer {
+impl Observer for Printer {
     fn record(&mut self, record: &Record) {
         match record {
             Record::Step { t, step, what } => {
-                self.tell(*t, "step", &format!("step \"{step}\" {what}"));
+                self.emit(*t, "step", &format!("step \"{step}\" {what}"));
             }
             Record::Add { t, step, text } => {
                 let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-                self.tell(*t, "add", &format!("step \"{step}\" was added: {text}"));
+                self.emit(*t, "add", &format!("step \"{step}\" was added: {text}"));
             }
             Record::Clear { t, step } => {
-                self.tell(*t, "clear", &format!("step \"{step}\" was cleared"));
+                self.emit(*t, "clear", &format!("step \"{step}\" was cleared"));
             }
             Record::Pace { t, change } => {
-                self.tell(*t, "pace", &format!("time was changed: {change}"));
+                self.emit(*t, "pace", &format!("time was changed: {change}"));
             }
             Record::Publish { t, line } => {
-                self.tell(*t, "publish", &format!("the client published {line}"));
+                self.emit(*t, "publish", &format!("the client published {line}"));
             }
             Record::Failure { t, step, what } => {
                 let step = step.as_ref().map(|step| format!("\"{step}\": "));
                 let text = format!("FAILED: {}{what}", step.unwrap_or_default());
-                self.tell(*t, "failure", &text);
+                self.emit(*t, "failure", &text);
             }
             Record::Late { t, by, .. } => {
                 let by = show_rounded(std::time::Duration::from_nanos(*by));
-                self.tell(
+                self.emit(
                     *t,
                     "late",
                     &format!("the simulator was late or paused, for {by}"),
@@ -128,7 +128,7 @@ impl Onlooker for Printer {
                     (false, []) => "FAILED".to_owned(),
                     (false, why) => format!("skipped: {}", why.join("; ")),
                 };
-                self.tell(*t, "end", &format!("the end: {words}"));
+                self.emit(*t, "end", &format!("the end: {words}"));
             }
             _ => {}
         }

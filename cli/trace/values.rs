@@ -8,7 +8,7 @@ use rigsim_core::SimTime;
 use rigsim_runner::Run;
 use rigsim_runner::condition::Reading;
 use rigsim_runner::run::Probe;
-use rigsim_runner::trace::Onlooker;
+use rigsim_runner::trace::Observer;
 
 use super::Part;
 use crate::args::TraceArgs;
@@ -54,15 +54,15 @@ impl Values {
     }
 }
 
-impl Onlooker for Values {
-    fn next_look(&self) -> SimTime {
+impl Observer for Values {
+    fn next_sample(&self) -> SimTime {
         match self.has_enough() {
             true => SimTime::MAX,
             false => self.next,
         }
     }
 
-    fn look(&mut self, run: &Run) {
+    fn sample(&mut self, run: &Run) {
         let cell = |probe: &Probe| match probe.read(run) {
             Some(Reading::Number(number)) => number.to_string(),
             Some(Reading::Flag(flag)) => flag.to_string(),

@@ -145,7 +145,7 @@ impl Page {
             }
             self.requests
                 .answer_some(&mut self.run, &mut self.clock, true)?;
-            self.requests.tell_what_is_due(&self.run);
+            self.requests.send_due(&self.run);
         }
     }
 

@@ -8,7 +8,7 @@ use rigsim_core::SimTime;
 use rigsim_core::device::host::MessageInfo;
 use rigsim_core::message::{FieldInfo, Sender};
 use rigsim_runner::Run;
-use rigsim_runner::trace::Onlooker;
+use rigsim_runner::trace::Observer;
 
 use crate::patient_file::PatientFile;
 
@@ -109,13 +109,13 @@ pub(super) struct Track<'t> {
     pub(super) poses: Vec<TimedPose>,
 }
 
-impl Onlooker for Track<'_> {
-    fn next_look(&self) -> SimTime {
+impl Observer for Track<'_> {
+    fn next_sample(&self) -> SimTime {
         let next = self.times.get(self.poses.len());
         next.map_or(SimTime::MAX, |next| SimTime::from_nanos(*next))
     }
 
-    fn look(&mut self, run: &Run) {
+    fn sample(&mut self, run: &Run) {
         let motion = run.rig().motion(0);
         let pose = motion.map(|motion| motion.pose).unwrap_or_default();
         let heading = go_on(self.poses.last(), pose.heading);

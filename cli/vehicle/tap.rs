@@ -165,7 +165,7 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
             }
             link.search(&mut waiter, &mut out)?;
         }
-        out.note_stall(late.max(woken.elapsed()));
+        out.record_stall(late.max(woken.elapsed()));
         if is_over {
             break;
         }
@@ -224,7 +224,7 @@ impl Out {
     }
 
     /// Writes down that the machine gave no time for so long: what was dated then may be older.
-    fn note_stall(&mut self, late: Duration) {
+    fn record_stall(&mut self, late: Duration) {
         if late > STALL {
             let by = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
             self.trace.record(&Record::Late {
@@ -374,7 +374,7 @@ impl Link {
                 PortEvent::Attached => {
                     self.line = None;
                     out.record(Record::Attach { t, port });
-                    self.tell(out, t, LineEvent::Attached);
+                    self.emit(out, t, LineEvent::Attached);
                     if self.vehicle.is_none() {
                         let mut vehicle =
                             Port::open_serial(&self.vehicle_path, self.setup.baud, 1)?;
@@ -395,7 +395,7 @@ impl Link {
                 PortEvent::Detached => {
                     self.waiting[1].clear();
                     out.record(Record::Detach { t, port });
-                    self.tell(out, t, LineEvent::Detached);
+                    self.emit(out, t, LineEvent::Detached);
                 }
             }
         }
@@ -458,13 +458,13 @@ impl Link {
         let (t, port) = (out.now(), PortRecord(0, self.index));
         out.record(Record::Line { t, port, line });
         if line.parity {
-            self.tell(out, t, LineEvent::Parity);
+            self.emit(out, t, LineEvent::Parity);
         }
         let vehicle = self.vehicle.as_mut();
         vehicle.map_or(Ok(()), |vehicle| vehicle.set_line(line))
     }
 
-    fn tell(&self, out: &Out, t: u64, event: LineEvent) {
+    fn emit(&self, out: &Out, t: u64, event: LineEvent) {
         out.event(t, event.on(self.index));
     }
 

@@ -36,11 +36,11 @@ fn a_reader_that_does_not_read_is_never_waited_for_and_learns_what_it_lost() {
     let message = Message::new("log", || serde_json::json!({"a": "b\nc"}));
     assert_eq!(message.text(), "event: log\ndata: {\"a\":\"b\\nc\"}\n\n");
     for _ in 0..MOST_MESSAGES + 7 {
-        assert!(listener.tell(&message));
+        assert!(listener.send(&message));
     }
     assert_eq!(messages.take_lost(), 7);
     assert_eq!(messages.take_lost(), 0);
     assert_eq!(messages.messages.try_iter().count(), MOST_MESSAGES);
     drop(messages);
-    assert!(!listener.tell(&message));
+    assert!(!listener.send(&message));
 }

@@ -97,7 +97,7 @@ impl Plant for Differential {
         self.shape.mass + self.body.total_payload()
     }
 
-    fn follow_payload(&mut self, world: &mut World) {
+    fn apply_payload(&mut self, world: &mut World) {
         let mass = self.mass();
         world.set_mass(self.body.id(), mass, inertia(self.shape, mass));
     }
@@ -154,9 +154,9 @@ impl Plant for Differential {
             return;
         }
         let seconds = world.step_length().as_secs_f64();
-        self.body.follow(world);
+        self.body.update_motion(world);
         let slow = self.body.is_slow(self.wanted);
-        self.body.settle(world, seconds, slow);
+        self.body.stop_when_slow(world, seconds, slow);
     }
 }
 

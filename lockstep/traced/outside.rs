@@ -173,7 +173,7 @@ impl Tracer<'_> {
     }
 
     /// Notes a socket that sends to an address of another machine, and so may get an answer.
-    pub(crate) fn note_destination(
+    pub(crate) fn record_destination(
         &mut self,
         entry: Entry,
         descriptor: &Descriptor,

@@ -53,7 +53,7 @@ impl Tracer<'_> {
                 handling => handling,
             };
         }
-        self.note_destination(entry, &descriptor)?;
+        self.record_destination(entry, &descriptor)?;
         let source = from.and_then(|from| self.descriptor(process, from));
         if let Some(action) = self.own_bytes(entry, &descriptor, source.as_deref())? {
             return Ok(action);

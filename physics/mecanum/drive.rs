@@ -109,8 +109,8 @@ impl Drive {
     }
 
     /// Takes over the velocity that a step really ended with.
-    pub(super) fn follow(&mut self, velocity: [f64; 3], faults: &[MotorFaults; WHEELS]) {
-        self.gear.follow(velocity);
+    pub(super) fn take_velocity(&mut self, velocity: [f64; 3], faults: &[MotorFaults; WHEELS]) {
+        self.gear.take_velocity(velocity);
         for (index, pulses) in self.pulses.iter_mut().enumerate() {
             let turned = self.gear.turned[index];
             self.wheel_angle[index] += turned;
@@ -212,10 +212,10 @@ impl MecanumPlant {
     }
 
     /// Counts how long the car has been slow enough, and then brings it to a full stop.
-    pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
+    pub(super) fn stop_when_slow(&mut self, world: &mut World, seconds: f64) {
         let could_stand = self.drive.gear.is_slow(&self.body) && !self.is_driven();
         let (gear, body) = (&mut self.drive.gear, &mut self.body);
-        gear.settle(body, world, seconds, could_stand);
+        gear.stop_when_slow(body, world, seconds, could_stand);
     }
 
     /// Returns whether something is trying to move the car.

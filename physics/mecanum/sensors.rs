@@ -127,7 +127,7 @@ impl Sensors {
     }
 
     /// Looks with those sensors that are due, if anything has changed since they last did.
-    pub(super) fn follow(
+    pub(super) fn measure_due(
         &mut self,
         step: Duration,
         world: &World,

@@ -149,11 +149,11 @@ impl R150Plant {
     }
 
     /// Counts how long the vehicle has been slow enough, and then brings it to a full stop.
-    pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
+    pub(super) fn stop_when_slow(&mut self, world: &mut World, seconds: f64) {
         let could_stand = self.drive.gear.is_slow(&self.body) && !self.is_driven();
         let (gear, body) = (&mut self.drive.gear, &mut self.body);
-        if gear.settle(body, world, seconds, could_stand) {
-            self.note_encoders();
+        if gear.stop_when_slow(body, world, seconds, could_stand) {
+            self.update_encoders();
             self.solve_network();
         }
     }
@@ -173,7 +173,7 @@ impl R150Plant {
 /// Computes the forces of one step and gives the body the velocity they lead to.
 pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
-    plant.follow_duty(dt);
+    plant.ramp_duties(dt);
     let drives = Side::ALL.map(|side| plant.side_drive(side, dt));
     plant.drive.duty = Side::ALL.map(|side| {
         let port = plant.motor_port(side);

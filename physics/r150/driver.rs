@@ -33,7 +33,7 @@ impl Driver {
 
     /// Moves the duty towards what is wanted for so many seconds: away from zero by one ramp,
     /// towards zero by the other.
-    pub(super) fn follow(&mut self, wanted: f64, motor: &MotorSettings, seconds: f64) {
+    pub(super) fn ramp(&mut self, wanted: f64, motor: &MotorSettings, seconds: f64) {
         let reach = |ramp: f64| if ramp > 0.0 { seconds / ramp } else { 2.0 };
         let (up, down) = (
             reach(motor.ramp_up.as_secs_f64()),

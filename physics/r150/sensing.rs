@@ -88,7 +88,7 @@ impl R150Plant {
         }
     }
 
-    pub(super) fn note_encoders(&mut self) {
+    pub(super) fn update_encoders(&mut self) {
         for side in Side::ALL {
             if self.side_faults[side].encoder != EncoderState::Stuck {
                 self.encoder_rpm[side.index()] = self.motor_rpm(side);

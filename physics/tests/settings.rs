@@ -109,7 +109,7 @@ impl Story {
         }
     }
 
-    fn note(&mut self) {
+    fn record(&mut self) {
         let plant = &self.bench.plant;
         self.seen
             .push(format!("{:?} {:?}", plant.truth(), plant.measurements()));
@@ -118,7 +118,7 @@ impl Story {
     fn run(&mut self, seconds: f64) {
         for _ in 0..10 {
             self.bench.run(seconds / 10.0);
-            self.note();
+            self.record();
         }
     }
 
@@ -209,7 +209,7 @@ fn heats_up(settings: &R150PlantSettings) -> Vec<String> {
     for _ in 0..60 {
         story.bench.run(0.05);
         story.bench.plant.rest(Duration::from_secs(5));
-        story.note();
+        story.record();
     }
     story.seen
 }
@@ -255,7 +255,7 @@ fn reads_inputs(settings: &R150PlantSettings) -> Vec<String> {
         };
         story.bench.plant.set_pwm_source(0, generator);
         story.bench.plant.set_pwm_source(1, PwmSource::OwnOutput(1));
-        story.note();
+        story.record();
     }
     story.seen
 }

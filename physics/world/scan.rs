@@ -117,7 +117,9 @@ impl<'c> Nearest<'c> {
             return;
         }
         match solid {
-            Shape::Rectangle(rectangle) if rectangle.contains(self.cone.origin) => self.note(0.0),
+            Shape::Rectangle(rectangle) if rectangle.contains(self.cone.origin) => {
+                self.add_hit(0.0)
+            }
             Shape::Rectangle(rectangle) => {
                 let corners = rectangle.corners();
                 for (index, corner) in corners.iter().enumerate() {
@@ -131,7 +133,7 @@ impl<'c> Nearest<'c> {
 
     fn look_at_band(&mut self, band: &Band) {
         if band.contains(self.cone.origin) {
-            self.note(0.0);
+            self.add_hit(0.0);
             return;
         }
         let [start, end] = band.ends;
@@ -155,12 +157,12 @@ impl<'c> Nearest<'c> {
 
     fn look_at_disc(&mut self, disc: &Disc) {
         if disc.contains(self.cone.origin) {
-            self.note(0.0);
+            self.add_hit(0.0);
             return;
         }
         let centre = self.seen(disc.centre);
         if self.within(centre) {
-            self.note(square(centre).sqrt() - disc.radius);
+            self.add_hit(square(centre).sqrt() - disc.radius);
             return;
         }
         for rim in self.rims() {
@@ -168,7 +170,7 @@ impl<'c> Nearest<'c> {
             let rest = disc.radius * disc.radius - aside * aside;
             let cosine_radius = self.cone.grazing * disc.radius;
             if ahead > 0.0 && rest >= cosine_radius * cosine_radius {
-                self.note(ahead - rest.sqrt());
+                self.add_hit(ahead - rest.sqrt());
             }
         }
     }
@@ -177,7 +179,7 @@ impl<'c> Nearest<'c> {
         let (start, end) = (self.seen(start), self.seen(end));
         for point in [start, end] {
             if self.within(point) {
-                self.note(square(point).sqrt());
+                self.add_hit(square(point).sqrt());
             }
         }
         let along = from(start, end);
@@ -185,7 +187,7 @@ impl<'c> Nearest<'c> {
         if share > 0.0 && share < 1.0 {
             let foot = [start[0] + share * along[0], start[1] + share * along[1]];
             if self.within(foot) {
-                self.note(square(foot).sqrt());
+                self.add_hit(square(foot).sqrt());
             }
         }
         for rim in self.rims() {
@@ -196,7 +198,7 @@ impl<'c> Nearest<'c> {
             if slant != 0.0 && faces && (0.0..=1.0).contains(&share) {
                 let distance = dot(rim, start) + share * dot(rim, along);
                 if distance >= 0.0 {
-                    self.note(distance);
+                    self.add_hit(distance);
                 }
             }
         }
@@ -222,7 +224,7 @@ impl<'c> Nearest<'c> {
         self.found.unwrap_or(self.cone.range)
     }
 
-    fn note(&mut self, distance: f64) {
+    fn add_hit(&mut self, distance: f64) {
         if distance <= self.limit() {
             self.found = Some(distance);
         }

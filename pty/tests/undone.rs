@@ -153,7 +153,7 @@ fn whatever_a_client_does_to_its_terminal_ends_with_it() {
                 while bench.port.counters().attached == 0 || bench.port.is_attached() {
                     let _ = bench.next();
                 }
-                settle(&mut bench);
+                drain(&mut bench);
                 expect_sound(&mut bench, &fresh, name);
             }
         }
@@ -161,7 +161,7 @@ fn whatever_a_client_does_to_its_terminal_ends_with_it() {
 }
 
 /// Until there is nothing left to tell.
-fn settle(bench: &mut Bench) {
+fn drain(bench: &mut Bench) {
     let mut buf = [0; 64];
     let moment = std::time::Duration::from_millis(5);
     while !bench.waiter.wait(Some(moment)).unwrap().ready().is_empty() {
@@ -176,15 +176,15 @@ fn output_held_back_goes_on_though_others_seem_to_be_there() {
     let mut bench = Bench::unlinked();
     let first = bench.client();
     bench.expect(Event::Attached);
-    settle(&mut bench);
+    drain(&mut bench);
     let second = bench.client();
-    settle(&mut bench);
+    drain(&mut bench);
     drop((first, second));
     let holds = bench.client();
     tcflow(&holds, Action::OOff).unwrap();
     drop(holds);
     let next = bench.client();
-    settle(&mut bench);
+    drain(&mut bench);
     next.send(b"asks");
     let mut heard = Vec::new();
     let mut buf = [0; 64];
@@ -203,10 +203,10 @@ fn output_held_back_goes_on_though_no_client_seems_to_be_there() {
     let mut bench = Bench::unlinked();
     let (stays, holds) = (bench.client(), bench.client());
     bench.expect(Event::Attached);
-    settle(&mut bench);
+    drain(&mut bench);
     tcflow(&holds, Action::OOff).unwrap();
     drop(holds);
-    settle(&mut bench);
+    drain(&mut bench);
     for _ in 0..2 {
         stays.send(b"asks");
         assert_eq!(bench.expect_bytes(4), b"asks");
@@ -241,7 +241,7 @@ fn clients_that_hang_the_port_up_for_all_do_so_at_any_moment() {
     }
     hanging_up.join().unwrap();
     until("all have left", || {
-        settle(&mut bench);
+        drain(&mut bench);
         !bench.port.is_attached()
     });
     expect_sound(&mut bench, &fresh, "hanging up");
@@ -317,7 +317,7 @@ fn the_end_of_a_session_on_the_port_leaves_it_sound() {
     session.kill().unwrap();
     session.wait().unwrap();
     until("it has left", || {
-        settle(&mut bench);
+        drain(&mut bench);
         !bench.port.is_attached()
     });
     expect_sound(&mut bench, &fresh, "a session");

@@ -14,7 +14,7 @@ pub(super) enum Item {
     /// A step is ended before its time.
     Clear(usize),
     /// Conditions are looked at.
-    Look,
+    Judge,
 }
 
 /// By time, then in the order of the file, then ends before beginnings, then as it was planned.
@@ -28,7 +28,7 @@ impl Agenda {
     pub(super) fn plan(&mut self, at: SimTime, item: Item) {
         let place = match &item {
             Item::Occur(step) | Item::End(step, _) | Item::Clear(step) => *step,
-            Item::Look => usize::MAX,
+            Item::Judge => usize::MAX,
         };
         let is_end = matches!(item, Item::End(..));
         self.planned += 1;
@@ -43,7 +43,7 @@ impl Agenda {
         let items = keys.iter().filter_map(|key| self.items.remove(key));
         let ends = items.filter_map(|item| match item {
             Item::End(_, effect) => Some(effect),
-            Item::Occur(_) | Item::Clear(_) | Item::Look => None,
+            Item::Occur(_) | Item::Clear(_) | Item::Judge => None,
         });
         ends.collect()
     }

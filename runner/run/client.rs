@@ -91,7 +91,8 @@ impl Run {
 
     /// The client has set the modem lines of its end, at the present time.
     pub fn set_modem_lines(&mut self, port: PortId, dtr: bool, rts: bool) {
-        self.rig.tell(port, LineEvent::ModemLines { dtr, rts });
+        self.rig
+            .emit_line_event(port, LineEvent::ModemLines { dtr, rts });
     }
 
     /// The devices stand for real ones: only replies that are [observed](Self::observe) count.
@@ -111,13 +112,13 @@ impl Run {
     ) -> Result<(), RunError> {
         if let Some(at) = self.go_before(now)? {
             self.instant(at, |_| {})?;
-            self.note(Event { at, device, kind });
+            self.record_event(Event { at, device, kind });
         }
         Ok(())
     }
 
     /// Makes [`step`](Self::step) stop at every byte that arrives, so that a client gets it then.
-    pub fn follow_bytes(&mut self) {
+    pub fn stop_at_bytes(&mut self) {
         self.follows_bytes = true;
     }
 
@@ -132,19 +133,20 @@ impl Run {
 
     /// The client did not read, and `bytes` of what it should have got were lost.
     pub fn client_lost(&mut self, port: PortId, bytes: u64) {
-        self.rig.tell(port, LineEvent::Overrun { bytes });
+        self.rig.emit_line_event(port, LineEvent::Overrun { bytes });
     }
 
     /// The machine stalled the simulator for so long that simulated time stood still: for `real`,
     /// in which `stood` of simulated time would have passed.
     pub fn stalled(&mut self, real: Duration, stood: Duration) {
-        self.rig.tell_all(LineEvent::SimulatorStalled { by: real });
+        self.rig
+            .emit_at_all(LineEvent::SimulatorStalled { by: real });
         self.late(stood, stood);
     }
 
     /// The machine is too slow for what it is to compute.
     pub fn too_slow(&mut self) {
-        self.rig.tell_all(LineEvent::SimulatorTooSlow);
+        self.rig.emit_at_all(LineEvent::SimulatorTooSlow);
     }
 
     /// The simulator was late, or paused: what the clients have sent that was not read yet may be
@@ -155,7 +157,7 @@ impl Run {
             return;
         }
         if !stood.is_zero() {
-            self.excuses.note(self.rig.now(), stood);
+            self.excuses.extend(self.rig.now(), stood);
         }
         let nanos = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
         let t = self.rig.now().as_nanos();

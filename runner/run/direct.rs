@@ -135,7 +135,7 @@ impl Run {
         if let Some(begin) = begin {
             self.agenda.plan(begin, Item::Occur(index));
         }
-        self.agenda.plan(at, Item::Look);
+        self.agenda.plan(at, Item::Judge);
         self.instant(at, |_| {})?;
         Ok(index)
     }
@@ -184,7 +184,7 @@ impl Run {
     }
 
     /// Writes down that time passes otherwise from now on, which changes nothing in the run.
-    pub fn note_pace(&mut self, change: &str) {
+    pub fn record_pace(&mut self, change: &str) {
         let t = self.rig.now().as_nanos();
         if self.outcome.is_none() {
             self.record(|| Record::Pace {

@@ -30,7 +30,7 @@ impl Excuses {
 
     /// Simulated time stood still at `now` for so long. What the clients sent
     /// meanwhile arrives in one burst now, which takes less time than the sending did.
-    pub(super) fn note(&mut self, now: SimTime, by: Duration) {
+    pub(super) fn extend(&mut self, now: SimTime, by: Duration) {
         self.late_until = self.late_until.max(Some(now + by + RHYTHM));
     }
 

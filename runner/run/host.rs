@@ -123,7 +123,7 @@ impl Run {
                 wanted: wanted.clone(),
                 so_far: String::new(),
             });
-            self.agenda.plan(due, Item::Look);
+            self.agenda.plan(due, Item::Judge);
             self.time_begun(step);
         }
     }

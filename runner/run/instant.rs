@@ -43,19 +43,19 @@ impl Run {
         if look {
             self.judge(at);
         }
-        self.settle(at, look)
+        self.start_due_steps(at, look)
     }
 
     /// Does all that comes of events that the devices brought about by themselves.
-    pub(super) fn follow_up(&mut self, at: SimTime) -> Result<(), RunError> {
+    pub(super) fn process_events(&mut self, at: SimTime) -> Result<(), RunError> {
         self.take_events();
         self.read_ports(at);
         self.judge(at);
-        self.settle(at, true)
+        self.start_due_steps(at, true)
     }
 
     /// Does what steps set off at the same instant.
-    fn settle(&mut self, at: SimTime, mut look: bool) -> Result<(), RunError> {
+    fn start_due_steps(&mut self, at: SimTime, mut look: bool) -> Result<(), RunError> {
         let mut rounds = 1;
         while self.agenda.is_due(at) {
             rounds += 1;
@@ -91,18 +91,18 @@ impl Run {
                 }
             }
             if !self.observed || event.kind.role() != Role::Reply {
-                self.note(event);
+                self.record_event(event);
             }
         }
         any
     }
 
     /// Takes note of an event.
-    pub(super) fn note(&mut self, event: Event) {
+    pub(super) fn record_event(&mut self, event: Event) {
         let excused = self.is_excused(&event);
         let distance = self.rig.distance_m(event.device);
         if let Some(counters) = self.counters.get_mut(event.device) {
-            counters.note(&event, distance, excused);
+            counters.add_event(&event, distance, excused);
         }
         if event.kind.level() != Level::Traffic {
             self.record(|| Record::Event {

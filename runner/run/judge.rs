@@ -13,7 +13,7 @@ use super::outcome::FailureKind;
 use crate::condition::{Condition, ExpressionError, Situation};
 use crate::scenario::{Rule, StepAction, Trigger};
 
-/// How often it is looked at how near something has come.
+/// How often it is value at how near something has come.
 const NEARNESS_EVERY: Duration = Duration::from_millis(20);
 /// Time after a fault of the line in which its traces may still come.
 pub(super) const EXCUSED_AFTER: Duration = Duration::from_millis(200);
@@ -30,7 +30,7 @@ pub(super) struct Expected {
 pub(super) struct Nearest {
     by: f64,
     at: SimTime,
-    looked: SimTime,
+    value: SimTime,
     found: String,
 }
 
@@ -41,10 +41,10 @@ pub(super) struct RuleState {
     until: Option<SimTime>,
     /// Since when it has been broken.
     broken: Option<SimTime>,
-    /// It is looked at no more: it was violated, or does not count.
+    /// It is value at no more: it was violated, or does not count.
     closed: bool,
-    /// It has been looked at.
-    looked_at: bool,
+    /// It has been value at.
+    judged: bool,
     pub(super) slack: Slack,
 }
 
@@ -60,14 +60,14 @@ impl Run {
         let from = now + rule.from;
         state.from = Some(from);
         state.closed = !counts;
-        self.agenda.plan(from, Item::Look);
+        self.agenda.plan(from, Item::Judge);
         if let Some(until) = rule.until {
             state.until = Some(now + until);
-            self.agenda.plan(now + until, Item::Look);
+            self.agenda.plan(now + until, Item::Judge);
         }
     }
 
-    /// Returns whether any condition is to be looked at now and then.
+    /// Returns whether any condition is to be value at now and then.
     pub(super) fn is_watched(&self) -> bool {
         let now = self.rig.now();
         !self.expectations.steps.is_empty()
@@ -116,13 +116,13 @@ impl Run {
     }
 
     /// Takes note of how near what a step waits for has come.
-    fn note_nearness(&mut self, index: usize, condition: &Condition, now: SimTime) {
+    fn update_nearness(&mut self, index: usize, condition: &Condition, now: SimTime) {
         if !condition.is_gradual() {
             return;
         }
         // Often enough to tell, and seldom enough to cost nothing.
         let before = self.steps[index].nearest.as_ref();
-        if before.is_some_and(|before| now < before.looked + NEARNESS_EVERY) {
+        if before.is_some_and(|before| now < before.value + NEARNESS_EVERY) {
             return;
         }
         let by = condition.nearness(self.situation());
@@ -131,11 +131,11 @@ impl Run {
             self.steps[index].nearest = Some(Nearest {
                 by,
                 at: now,
-                looked: now,
+                value: now,
                 found,
             });
         } else if let Some(nearest) = &mut self.steps[index].nearest {
-            nearest.looked = now;
+            nearest.value = now;
         }
     }
 
@@ -158,7 +158,7 @@ impl Run {
             }
             match self.holds(condition) {
                 Ok(true) => self.begin(index, now),
-                Ok(false) => self.note_nearness(index, condition, now),
+                Ok(false) => self.update_nearness(index, condition, now),
                 Err(why) => {
                     self.steps[index].watching = false;
                     self.fail_step(index, now, why.to_string());
@@ -186,14 +186,14 @@ impl Run {
                     match *within {
                         Some(within) => {
                             let left = expected.due.since(now);
-                            slack.note_time(within.saturating_sub(left), within, now);
+                            slack.narrow_time(within.saturating_sub(left), within, now);
                         }
-                        None => slack.note(distance, now),
+                        None => slack.narrow(distance, now),
                     }
                     None
                 }
                 Ok(false) if expected.due > now => {
-                    self.note_nearness(expected.step, that, now);
+                    self.update_nearness(expected.step, that, now);
                     self.expectations.steps.push(expected);
                     continue;
                 }
@@ -216,15 +216,15 @@ impl Run {
             if state.closed || !begun || state.until.is_some_and(|until| until < now) {
                 continue;
             }
-            let looked = self.look(&rule.that);
-            self.expectations.rules[index].looked_at |= !matches!(looked, Ok(None));
-            let what = match looked {
+            let value = self.evaluate(&rule.that);
+            self.expectations.rules[index].judged |= !matches!(value, Ok(None));
+            let what = match value {
                 Ok(None) => continue,
                 Ok(Some(holds)) if holds == rule.must_hold => {
                     let state = &mut self.expectations.rules[index];
                     if let Some(since) = state.broken.take() {
                         let used = now.since(since);
-                        state.slack.note_time(used, rule.longer_than, now);
+                        state.slack.narrow_time(used, rule.longer_than, now);
                     }
                     self.measure(index, rule, now);
                     continue;
@@ -234,8 +234,8 @@ impl Run {
                     let since = *state.broken.get_or_insert(now);
                     if now < since + rule.longer_than {
                         let used = now.since(since);
-                        state.slack.note_time(used, rule.longer_than, now);
-                        self.agenda.plan(since + rule.longer_than, Item::Look);
+                        state.slack.narrow_time(used, rule.longer_than, now);
+                        self.agenda.plan(since + rule.longer_than, Item::Judge);
                         continue;
                     }
                     let found = self.explain(&rule.that);
@@ -246,12 +246,12 @@ impl Run {
             };
             self.expectations.rules[index].closed = true;
             self.expectations.rules[index].slack.break_at(now);
-            self.note_failure(FailureKind::Rule, now, None, what);
+            self.add_failure(FailureKind::Rule, now, None, what);
         }
     }
 
     /// Returns whether a condition holds, unless it speaks of what no step has remembered yet.
-    pub(super) fn look(&self, condition: &Condition) -> Result<Option<bool>, ExpressionError> {
+    pub(super) fn evaluate(&self, condition: &Condition) -> Result<Option<bool>, ExpressionError> {
         let situation = self.situation();
         if !condition.is_known(situation) {
             return Ok(None);
@@ -273,7 +273,7 @@ impl Run {
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
     pub fn holds(&self, condition: &Condition) -> Result<bool, ExpressionError> {
-        Ok(self.look(condition)?.unwrap_or(false))
+        Ok(self.evaluate(condition)?.unwrap_or(false))
     }
 
     /// The values of the names in a condition now.
@@ -306,11 +306,11 @@ impl Run {
 }
 
 impl RuleState {
-    /// Why it was never looked at until now, if it was not.
+    /// Why it was never value at until now, if it was not.
     pub(super) fn not_judged(self, rule: &Rule, now: SimTime) -> Option<&'static str> {
         let waits = rule.after.is_some() && self.from.is_none();
         let early = self.from.is_some_and(|from| from > now);
-        match self.looked_at {
+        match self.judged {
             true => None,
             false if waits => Some("what it comes after was never done"),
             false if early => Some("the run ended before"),

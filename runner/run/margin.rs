@@ -39,7 +39,7 @@ impl Slack {
     }
 
     /// What was kept had this slack; times are measured without rounding.
-    pub(super) fn note(&mut self, share: f64, now: SimTime) {
+    pub(super) fn narrow(&mut self, share: f64, now: SimTime) {
         let share = ((share / SMALLEST).round() * SMALLEST).max(SMALLEST);
         if share < self.share {
             (self.share, self.at) = (share, now);
@@ -47,9 +47,9 @@ impl Slack {
     }
 
     /// So much of a time limit was used.
-    pub(super) fn note_time(&mut self, used: Duration, limit: Duration, now: SimTime) {
+    pub(super) fn narrow_time(&mut self, used: Duration, limit: Duration, now: SimTime) {
         if !limit.is_zero() {
-            self.note(1.0 - used.div_duration_f64(limit), now);
+            self.narrow(1.0 - used.div_duration_f64(limit), now);
         }
     }
 
@@ -69,7 +69,7 @@ impl Run {
         let distance = self.distance(&rule.that, rule.must_hold);
         let time_left = f64::from(u8::from(!rule.longer_than.is_zero()));
         let slack = &mut self.expectations.rules[index].slack;
-        slack.note(distance + time_left, now);
+        slack.narrow(distance + time_left, now);
         // On a grid, so that one instant more or less shifts nothing.
         let pause = EVERY.mul_f64(1.0 + (9.0 * distance.min(1.0)).floor());
         slack.next = (now + pause - EVERY).next_multiple(EVERY);

@@ -76,10 +76,10 @@ impl Run {
         });
         let port = self.ports.ids.first().copied();
         let used = values.map(|values| self.published.values.extend(values));
-        self.agenda.plan(at, Item::Look);
+        self.agenda.plan(at, Item::Judge);
         self.instant(at, |rig| {
             if let (Err(PublishError(why)), Some(port)) = (used, port) {
-                rig.tell(port, LineEvent::BadPublication { why });
+                rig.emit_line_event(port, LineEvent::BadPublication { why });
             }
         })?;
         Ok(used)

@@ -73,7 +73,7 @@ impl Run {
             .into_iter()
             .flatten()
         {
-            self.agenda.plan(now + end, Item::Look);
+            self.agenda.plan(now + end, Item::Judge);
         }
     }
 
@@ -110,14 +110,14 @@ impl Run {
                 return !too_late;
             }
             if !pending.came {
-                slack.note_time(now.since(pending.since), response.within, now);
+                slack.narrow_time(now.since(pending.since), response.within, now);
             }
             pending.came = true;
             response.until.is_some_and(|until| !over(until))
         });
         for pending in failed {
             let what = self.not_answered(response, pending);
-            self.note_failure(FailureKind::Rule, now, None, what);
+            self.add_failure(FailureKind::Rule, now, None, what);
         }
     }
 

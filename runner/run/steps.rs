@@ -126,7 +126,7 @@ impl Run {
         for rule in 0..self.expectations.rules.len() {
             self.open_window(rule, None, SimTime::ZERO);
         }
-        self.agenda.plan(SimTime::ZERO, Item::Look);
+        self.agenda.plan(SimTime::ZERO, Item::Judge);
     }
 
     /// Returns whether a step is played in this kind of run.
@@ -172,7 +172,7 @@ impl Run {
             };
             any = true;
             match item {
-                Item::Look => {}
+                Item::Judge => {}
                 Item::Clear(index) => self.cut_short(index, now),
                 Item::Occur(index) => self.occur(index, now),
                 Item::End(index, effect) => self.effect_over(index, effect, now),
@@ -273,7 +273,7 @@ impl Run {
             StepAction::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
                 self.expectations.steps.push(Expected { step: index, due });
-                self.agenda.plan(due, Item::Look);
+                self.agenda.plan(due, Item::Judge);
                 self.steps[index].pending += 1;
                 None
             }

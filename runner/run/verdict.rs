@@ -25,7 +25,7 @@ impl Run {
         let step = Some(self.scenario.steps[index].name.clone());
         let state = &mut self.steps[index];
         state.failure.get_or_insert_with(|| what.clone());
-        self.note_failure(kind, at, step, what);
+        self.add_failure(kind, at, step, what);
     }
 
     /// Judges steps that did not come about. Returns those for which a real client need not give
@@ -48,7 +48,7 @@ impl Run {
         not_applicable
     }
 
-    pub(super) fn note_failure(
+    pub(super) fn add_failure(
         &mut self,
         kind: FailureKind,
         at: SimTime,
@@ -252,7 +252,7 @@ impl Run {
                 .collect();
             for what in found {
                 let what = format!("client report of {}: {what}", plan.name);
-                self.note_failure(FailureKind::Rule, now, None, what);
+                self.add_failure(FailureKind::Rule, now, None, what);
             }
         }
     }

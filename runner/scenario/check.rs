@@ -85,7 +85,7 @@ pub(crate) fn read(source: &ScenarioText, base: &SimSettings) -> Result<Scenario
     };
     checker.check_device_names();
     checker.check_tags(&document.tags);
-    checker.note_names(&document.step);
+    checker.collect_names(&document.step);
     let rules = document.always.len() + document.never.len() + document.response.len();
     if document.step.len() > MOST_STEPS || rules > MOST_STEPS {
         let why = format!("at most {MOST_STEPS} steps and {MOST_STEPS} conditions over time");
@@ -351,7 +351,7 @@ impl Checker<'_> {
         }
     }
 
-    fn note_names(&mut self, steps: &[Spanned<StepText>]) {
+    fn collect_names(&mut self, steps: &[Spanned<StepText>]) {
         for (index, step) in steps.iter().enumerate() {
             if let Some(name) = &step.get_ref().name
                 && self.names.insert(name.get_ref().clone(), index).is_some()

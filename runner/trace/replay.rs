@@ -12,7 +12,7 @@ use rigsim_core::rig::PortId;
 use rigsim_core::settings::SimSettings;
 use rigsim_settings::{load_toml, shorten};
 
-use super::onlooker::Onlooker;
+use super::observer::Observer;
 use crate::rig_file::RigPlan;
 use crate::run::record::{FORMAT, Header, MOST_BYTES, PortRecord, Record};
 use crate::run::{Run, RunError, RunOptions, StepError};
@@ -34,7 +34,7 @@ pub type Sent = BTreeMap<PortId, VecDeque<(u64, u8)>>;
 /// be the same bytes at the same times.
 pub struct Replay<'o> {
     run: Run,
-    onlooker: Option<&'o mut dyn Onlooker>,
+    observer: Option<&'o mut dyn Observer>,
     /// Bytes that were recorded and that came now, of each port, as far as they are not yet
     /// compared.
     streams: BTreeMap<PortId, Stream>,
@@ -149,7 +149,7 @@ impl<'o> Replay<'o> {
     fn of(devices: Devices, header: &Header) -> Result<Self, String> {
         Ok(Self {
             run: start(devices, header)?,
-            onlooker: None,
+            observer: None,
             streams: BTreeMap::new(),
             line: 1,
             acted: 0,
@@ -168,7 +168,7 @@ impl<'o> Replay<'o> {
 
     /// Plays what clients and people did in a recording with this header, which may be another than
     /// was recorded, until `end`; returns what the devices sent at each port, with times in ns. An
-    /// onlooker looks on.
+    /// observer looks on.
     ///
     /// # Errors
     /// What is wrong with the header or with a record.
@@ -177,12 +177,12 @@ impl<'o> Replay<'o> {
         header: &Header,
         records: impl IntoIterator<Item = &'r Record>,
         end: SimTime,
-        onlooker: Option<&'o mut dyn Onlooker>,
+        observer: Option<&'o mut dyn Observer>,
     ) -> Result<Sent, ReplayError> {
         let malformed = |why| ReplayError::Malformed { line: 1, why };
         let mut replay = Self::of(devices, header).map_err(malformed)?;
         replay.keeps = true;
-        replay.onlooker = onlooker;
+        replay.observer = observer;
         for record in records {
             replay.line += 1;
             replay.record(record.clone())?;
@@ -195,11 +195,11 @@ impl<'o> Replay<'o> {
         Ok(streams.map(|(port, stream)| (port, stream.now)).collect())
     }
 
-    /// The same with an onlooker from now on.
+    /// The same with an observer from now on.
     #[must_use]
-    pub fn watched<'n>(self, onlooker: &'n mut dyn Onlooker) -> Replay<'n> {
-        let onlooker = Some(onlooker);
-        Replay { onlooker, ..self }
+    pub fn watched<'n>(self, observer: &'n mut dyn Observer) -> Replay<'n> {
+        let observer = Some(observer);
+        Replay { observer, ..self }
     }
 
     /// The second run, as far as it has come.
@@ -214,11 +214,11 @@ impl<'o> Replay<'o> {
         self.run
     }
 
-    /// Returns whether the onlooker wants no more of it.
+    /// Returns whether the observer wants no more of it.
     #[must_use]
     pub fn is_enough(&self) -> bool {
-        let onlooker = self.onlooker.as_ref();
-        onlooker.is_some_and(|onlooker| onlooker.has_enough())
+        let observer = self.observer.as_ref();
+        observer.is_some_and(|observer| observer.has_enough())
     }
 
     /// Takes a further line.
@@ -234,8 +234,8 @@ impl<'o> Replay<'o> {
     }
 
     fn record(&mut self, record: Record) -> Result<(), ReplayError> {
-        if let Some(onlooker) = &mut self.onlooker {
-            onlooker.record(&record);
+        if let Some(observer) = &mut self.observer {
+            observer.record(&record);
         }
         match record {
             Record::Host { .. }
@@ -380,7 +380,7 @@ impl<'o> Replay<'o> {
     fn advance(&mut self, to: SimTime) -> Result<(), ReplayError> {
         while self.run.rig().now() < to && self.run.finished().is_none() {
             let next = self.run.rig().now() + SLICE;
-            let next = next.min(self.look()).min(to);
+            let next = next.min(self.sample()).min(to);
             while self.run.step(next)? {
                 if self.is_enough() {
                     return Ok(());
@@ -388,20 +388,22 @@ impl<'o> Replay<'o> {
             }
             self.compare()?;
         }
-        self.look();
+        self.sample();
         Ok(())
     }
 
-    /// Calls the onlooker if it is time, and returns when it is time again.
-    fn look(&mut self) -> SimTime {
-        let Some(onlooker) = &mut self.onlooker else {
+    /// Calls the observer if it is time, and returns when it is time again.
+    fn sample(&mut self) -> SimTime {
+        let Some(observer) = &mut self.observer else {
             return SimTime::MAX;
         };
-        if onlooker.next_look() <= self.run.rig().now() {
-            onlooker.look(&self.run);
+        if observer.next_sample() <= self.run.rig().now() {
+            observer.sample(&self.run);
         }
-        // An onlooker that never looks later would stop the time.
-        onlooker.next_look().max(self.run.rig().now() + NANOSECOND)
+        // An observer that never looks later would stop the time.
+        observer
+            .next_sample()
+            .max(self.run.rig().now() + NANOSECOND)
     }
 
     fn stream(&mut self, port: PortId) -> &mut Stream {
@@ -417,8 +419,8 @@ impl<'o> Replay<'o> {
             }
         }
         while let Some(event) = self.run.poll_event() {
-            if let Some(onlooker) = &mut self.onlooker {
-                onlooker.event(&self.run, &event);
+            if let Some(observer) = &mut self.observer {
+                observer.event(&self.run, &event);
             }
         }
         Ok(())

@@ -30,7 +30,7 @@ pub struct Counters {
 impl Counters {
     /// Takes note of an event of the device, which has driven so far; unless it is `excused`, it
     /// counts in the report.
-    pub fn note(&mut self, event: &Event, distance_m: f64, excused: bool) {
+    pub fn add_event(&mut self, event: &Event, distance_m: f64, excused: bool) {
         match event.kind.role() {
             Role::Attached => self.attached += 1,
             Role::Detached => self.attached = self.attached.saturating_sub(1),
@@ -51,7 +51,7 @@ impl Counters {
         }
         *self.counts.entry(event.kind.code().as_str()).or_default() += 1;
         if !excused {
-            self.report.note(event);
+            self.report.add_event(event);
         }
     }
 

@@ -269,7 +269,7 @@ pub trait OnBytes: Send + Sync {
     }
 
     /// Counts what is sent while speeds differ or the cable is out.
-    fn note_sent(&self, _way: Way, _bytes: usize, _tally: &mut Tally) {}
+    fn count_sent(&self, _way: Way, _bytes: usize, _tally: &mut Tally) {}
 
     /// Returns the time at which it next adds a byte by itself.
     fn due(&self) -> Option<SimTime> {

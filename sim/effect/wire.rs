@@ -258,7 +258,7 @@ impl OnBytes for AtWork {
         }
     }
 
-    fn note_sent(&self, way: Way, bytes: usize, tally: &mut Tally) {
+    fn count_sent(&self, way: Way, bytes: usize, tally: &mut Tally) {
         if let Some(baud) = self.baud() {
             tally.hit(|| format!("{bytes} bytes {way} at {baud} baud"));
         } else if self.pulls_cable() {

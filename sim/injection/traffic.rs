@@ -78,7 +78,7 @@ impl Injection {
 
     /// The client puts bytes on a line.
     pub(crate) fn client_sends(&mut self, link: usize, bytes: usize, garbled: bool) {
-        self.note_sent(link, Way::ToDevice, bytes, garbled);
+        self.count_sent(link, Way::ToDevice, bytes, garbled);
     }
 
     /// A frame is about to be put on a line. What has arrived makes room for it, whether its client
@@ -91,13 +91,13 @@ impl Injection {
         line: &mut SerialLine,
     ) {
         self.pump_to_client(now, link, line);
-        self.note_sent(link, Way::ToClient, bytes, line.is_garbled());
+        self.count_sent(link, Way::ToClient, bytes, line.is_garbled());
     }
 
-    fn note_sent(&mut self, link: usize, way: Way, bytes: usize, garbled: bool) {
+    fn count_sent(&mut self, link: usize, way: Way, bytes: usize, garbled: bool) {
         for (wire, tally) in self.wires_mut(link) {
             if garbled || wire.pulls_cable() {
-                wire.note_sent(way, bytes, tally);
+                wire.count_sent(way, bytes, tally);
             }
         }
     }

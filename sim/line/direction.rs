@@ -74,7 +74,7 @@ impl Direction {
 
     /// Hands bytes over, which can go from a time on.
     pub(super) fn send(&mut self, now: SimTime, from: SimTime, bytes: &[u8], ends: Ends) {
-        self.settle(now, ends);
+        self.catch_up(now, ends);
         let sent = |(place, &byte)| Sent {
             byte,
             first: place == 0,
@@ -82,11 +82,11 @@ impl Direction {
         };
         self.waiting.extend(bytes.iter().enumerate().map(sent));
         self.shift(now, ends);
-        self.settle(now, ends);
+        self.catch_up(now, ends);
     }
 
     /// Brings everything to where it is at `now` with the ends as they have been until then.
-    pub(super) fn settle(&mut self, now: SimTime, ends: Ends) {
+    pub(super) fn catch_up(&mut self, now: SimTime, ends: Ends) {
         while let Some(gone) = self.shifting.filter(|gone| *gone <= now) {
             self.shifting = None;
             self.free_at = gone;
@@ -101,7 +101,7 @@ impl Direction {
     /// Both ends are no longer as they have been until `now`: what is left of the byte that is under
     /// way goes at the new speed, and a byte that met different speeds stays spoilt.
     pub(super) fn change(&mut self, now: SimTime, old: Ends, new: Ends) {
-        self.settle(now, old);
+        self.catch_up(now, old);
         let Some(gone) = &mut self.shifting else {
             return;
         };
@@ -204,7 +204,7 @@ impl Direction {
         self.arrived.clear();
     }
 
-    /// The next byte that has arrived by `now`, as far as [`settle`](Self::settle) has got, and when.
+    /// The next byte that has arrived by `now`, as far as [`catch_up`](Self::catch_up) has got, and when.
     pub(super) fn take(&mut self, now: SimTime) -> Option<(SimTime, u8)> {
         let first = self.arrived.pop_front_if(|(at, _)| *at <= now);
         first.map(|(at, sent)| (at, sent.byte))

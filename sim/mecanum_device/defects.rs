@@ -48,7 +48,7 @@ impl MecanumDevice {
         seen
     }
 
-    pub(super) fn note_stuck_status(&mut self, now: SimTime) {
+    pub(super) fn count_stuck_status(&mut self, now: SimTime) {
         let old = self
             .shell
             .stuck_status

@@ -115,7 +115,7 @@ impl Encoder {
             true => -i64::from(came),
             false => i64::from(came),
         };
-        self.note(now, came);
+        self.add_edges(now, came);
         came
     }
 
@@ -164,7 +164,7 @@ impl Encoder {
         backward
     }
 
-    fn note(&mut self, now: SimTime, came: i64) {
+    fn add_edges(&mut self, now: SimTime, came: i64) {
         let last = self.edges.back().copied();
         if last.is_some_and(|(at, _)| now.since(at) >= TIMEOUT) {
             // From standstill; the time before tells nothing about the speed.

@@ -62,7 +62,7 @@ impl Locomotion {
         if self.remote && key.is_some() {
             self.odometry.begin_motion();
         }
-        self.follow(now);
+        self.update_encoders(now);
     }
 
     /// Starts what may start.
@@ -70,7 +70,7 @@ impl Locomotion {
         if !self.remote {
             self.motions.start(now, changed);
         }
-        self.follow(now);
+        self.update_encoders(now);
     }
 
     /// Time at which a motion begins by itself.
@@ -90,7 +90,7 @@ impl Locomotion {
     /// Discards all motions; says how many there were.
     pub fn discard(&mut self, now: SimTime) -> usize {
         let count = self.motions.discard();
-        self.follow(now);
+        self.update_encoders(now);
         count
     }
 
@@ -110,7 +110,7 @@ impl Locomotion {
             let progress = std::array::from_fn(|at| self.encoders[at].progress(came[at]));
             self.motions.turned(now, progress, changed);
         }
-        self.follow(now);
+        self.update_encoders(now);
     }
 
     /// Direction in which each wheel is driven: 1 forward, −1 backward, 0 not at all.
@@ -193,7 +193,7 @@ impl Locomotion {
     }
 
     /// Makes the encoders count the way in which the wheels are driven now.
-    fn follow(&mut self, now: SimTime) {
+    fn update_encoders(&mut self, now: SimTime) {
         let running = self.motions.running().map(|motion| motion.movement);
         let movement = if self.remote { self.key } else { running };
         self.last = movement.or(self.last);

@@ -66,14 +66,14 @@ impl MecanumDevice {
         let Some(course) = Course::from_index(moving_idx) else {
             let text =
                 format!("moving_idx {moving_idx} ignored with its packet: 0 to 4 is allowed");
-            self.tell_main(now, event::BAD_MOVING_IDX, text);
+            self.emit_on_main(now, event::BAD_MOVING_IDX, text);
             return;
         };
         // As C takes any number but 0 for true.
         let preempt = is_reset != 0;
         if is_reset > 1 {
             let text = format!("is_reset {is_reset} taken for 1: 0 and 1 are allowed");
-            self.tell_main(now, event::BAD_IS_RESET, text);
+            self.emit_on_main(now, event::BAD_IS_RESET, text);
         }
         let Some(speed) = self.speed_in_range(now, v) else {
             return;
@@ -85,7 +85,7 @@ impl MecanumDevice {
         };
         if self.ros_configured && self.settings.orders_with_ros == OrdersWithRos::RosOnly {
             let text = format!("{motion} ignored: the ROS link drives");
-            self.tell_main(now, event::IGNORED_FOR_ROS, text);
+            self.emit_on_main(now, event::IGNORED_FOR_ROS, text);
             return;
         }
         self.order(now, motion, preempt);
@@ -104,14 +104,14 @@ impl MecanumDevice {
             OverSpeed::Ignore => (event::SPEED_OUT_OF_RANGE, "ignored with its motion", None),
         };
         let text = format!("speed {v} {made_of_it}: -{MAX_SPEED} to {MAX_SPEED} is allowed");
-        self.tell_main(now, code, text);
+        self.emit_on_main(now, code, text);
         taken
     }
 
     fn control_mode_packet(&mut self, now: SimTime, mode: u8) {
         if mode > 1 {
             let text = format!("control type {mode} ignored with its packet: 0 and 1 are allowed");
-            self.tell_main(now, event::BAD_CONTROL_TYPE, text);
+            self.emit_on_main(now, event::BAD_CONTROL_TYPE, text);
         } else {
             self.control_mode(now, mode == 1);
         }
@@ -159,7 +159,7 @@ impl MecanumDevice {
     fn order(&mut self, now: SimTime, motion: Motion, preempt: bool) {
         if self.drive.remote {
             let text = format!("{motion} ignored: the remote control drives");
-            self.shell.tell(now, event::IGNORED_IN_REMOTE, text);
+            self.shell.emit(now, event::IGNORED_IN_REMOTE, text);
             return;
         }
         if preempt {
@@ -167,7 +167,7 @@ impl MecanumDevice {
             self.discarded(now, count, event::MOTIONS_DISCARDED, "another preempts");
         } else if let Some(lost) = self.drive.motions.append(motion) {
             let text = format!("{lost} lost: too many motions wait");
-            self.shell.tell(now, event::QUEUE_FULL, text);
+            self.shell.emit(now, event::QUEUE_FULL, text);
         }
         self.go_on(now);
     }
@@ -192,7 +192,7 @@ impl MecanumDevice {
             true => "the remote control drives",
             false => "the board drives",
         };
-        self.shell.tell(now, event::CONTROL_MODE, text);
+        self.shell.emit(now, event::CONTROL_MODE, text);
         if !remote {
             // The silence of a client counts from when its motions drive again.
             self.hear(now);
@@ -213,12 +213,12 @@ impl MecanumDevice {
         if count > 0 {
             let motions = if count == 1 { "motion" } else { "motions" };
             let text = format!("{count} {motions} discarded: {why}");
-            self.shell.tell(now, code, text);
+            self.shell.emit(now, code, text);
         }
     }
 
     /// Reports an event on the main link.
-    fn tell_main(&mut self, now: SimTime, code: Code, text: String) {
+    fn emit_on_main(&mut self, now: SimTime, code: Code, text: String) {
         let event = EventKind::new(code, text).on(Link::Main.index());
         self.shell.report(now, event);
     }

@@ -44,7 +44,7 @@ impl MecanumDevice {
     }
 
     pub(super) fn send_status(&mut self, now: SimTime) {
-        self.note_stuck_status(now);
+        self.count_stuck_status(now);
         let status = self.status(now);
         self.seq = self.seq.wrapping_add(1);
         let order = self.settings.byte_order;

@@ -136,7 +136,8 @@ impl Bench {
     }
 
     fn send(&mut self, request: Request) {
-        self.device.receive(self.now, Link::Main, &request.encode());
+        self.device
+            .handle_bytes(self.now, Link::Main, &request.encode());
     }
 
     /// A motion that preempts.
@@ -156,7 +157,7 @@ impl Bench {
 
     fn line(&mut self, line: &str) {
         let line = line.as_bytes();
-        self.device.receive(self.now, Link::Ros, line);
+        self.device.handle_bytes(self.now, Link::Ros, line);
     }
 
     /// What the link's client has got since the last call.

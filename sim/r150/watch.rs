@@ -33,7 +33,7 @@ impl Watch {
                     FuseId::Tail => "the tail supply, which feeds the module,",
                     FuseId::SmallModules => "the small modules",
                 };
-                self.tell(now, FUSE_BLOWN, format!("the fuse of {of} blew"));
+                self.emit(now, FUSE_BLOWN, format!("the fuse of {of} blew"));
             }
         }
         for side in Side::ALL {
@@ -50,7 +50,7 @@ impl Watch {
                 ),
                 (false, false) => (MOTOR_COOLED, "motor has cooled"),
             };
-            self.tell(now, code, format!("the {side} {text}"));
+            self.emit(now, code, format!("the {side} {text}"));
         }
         if state.tipping && !last.tipping {
             self.keep(now, EventKind::tipping());
@@ -65,7 +65,7 @@ impl Watch {
         self.events.pop_front()
     }
 
-    fn tell(&mut self, now: SimTime, code: Code, text: String) {
+    fn emit(&mut self, now: SimTime, code: Code, text: String) {
         self.keep(now, EventKind::new(code, text));
     }
 

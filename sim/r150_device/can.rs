@@ -51,16 +51,16 @@ impl Can {
     /// Fails in another way, or no more.
     pub fn fail(&mut self, now: SimTime, said: [i16; 2], failure: Option<CanFailure>) {
         if failure != self.failure {
-            self.follow(now, said);
+            self.update(now, said);
             self.failure = failure;
             self.silent_since = None;
             self.under_way.clear();
-            self.follow(now, said);
+            self.update(now, said);
         }
     }
 
     /// The module says this now.
-    pub fn follow(&mut self, now: SimTime, said: [i16; 2]) {
+    pub fn update(&mut self, now: SimTime, said: [i16; 2]) {
         let is_new = said != std::mem::replace(&mut self.said, said);
         match self.failure {
             None => self.heard = said,

@@ -117,7 +117,7 @@ impl Control {
             lost: Outputs::default(),
             heartbeat_due: None,
         };
-        control.follow_app();
+        control.apply_app_outputs();
         control
     }
 
@@ -180,11 +180,11 @@ impl Control {
             return false;
         }
         self.heartbeat_due = None;
-        self.note_lost();
+        self.record_lost();
         let had = std::mem::take(&mut self.by_client);
         match settings.on_heartbeat_loss {
             OnHeartbeatLoss::Hold => {}
-            OnHeartbeatLoss::App => self.follow_app(),
+            OnHeartbeatLoss::App => self.apply_app_outputs(),
             OnHeartbeatLoss::Off => {
                 if had.power {
                     self.outputs.power = 0;
@@ -199,21 +199,21 @@ impl Control {
 
     /// The app takes (`true`) or leaves (`false`) control of power and of PWM.
     pub(super) fn app_holds(&mut self, held: Parts) {
-        self.note_lost();
+        self.record_lost();
         self.held_by_app = held;
         self.by_client = self.by_client.without(held);
         if held.any() {
-            self.follow_app();
+            self.apply_app_outputs();
         }
     }
 
     /// The app sets what it wants; in effect where it has control.
     pub(super) fn app_sets(&mut self, outputs: Outputs) {
         self.app = outputs.within_limits();
-        self.follow_app();
+        self.apply_app_outputs();
     }
 
-    fn note_lost(&mut self) {
+    fn record_lost(&mut self) {
         if self.by_client.power {
             self.lost.power = self.outputs.power;
         }
@@ -222,7 +222,7 @@ impl Control {
         }
     }
 
-    fn follow_app(&mut self) {
+    fn apply_app_outputs(&mut self) {
         if !self.by_client.power {
             self.outputs.power = self.app.power;
         }

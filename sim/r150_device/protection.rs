@@ -119,13 +119,13 @@ impl Protection {
     /// The client or the app asks for these outputs at `now`, as bits of `powerStatus`. That ends
     /// the latch of every group of which it asks for nothing; what it asks of a group that is
     /// withheld stays off until it is asked for again.
-    pub fn requested(&mut self, now: SimTime, requested: u8, tell: &mut impl FnMut(Code, String)) {
+    pub fn requested(&mut self, now: SimTime, requested: u8, emit: &mut impl FnMut(Code, String)) {
         for group in Group::ALL {
             let withheld = self.withholds(self.groups[group as usize].hot);
             let state = &mut self.groups[group as usize];
             if requested & group.mask() == 0 {
                 if state.latch.take().is_some() {
-                    tell(
+                    emit(
                         event::TRIP_CLEARED,
                         format!("{group} may be switched on again"),
                     );
@@ -143,9 +143,9 @@ impl Protection {
         now: SimTime,
         measured: &R150Measurements,
         requested: u8,
-        tell: &mut impl FnMut(Code, String),
+        emit: &mut impl FnMut(Code, String),
     ) {
-        self.sense_supply(now, measured, requested, tell);
+        self.sense_supply(now, measured, requested, emit);
         for group in Group::ALL {
             let (over, short) = self.excess(group, measured);
             let limits = &self.settings;
@@ -154,7 +154,7 @@ impl Protection {
             state.short = short.then(|| state.short.unwrap_or(now));
             if state.reported && !over && !short {
                 state.reported = false;
-                tell(
+                emit(
                     event::TRIP_CLEARED,
                     format!("{group} is within its limits again"),
                 );
@@ -169,21 +169,21 @@ impl Protection {
                     state.withhold(now);
                 }
                 let text = format!("{group}: over-temperature; its {}", outputs(action));
-                tell(event::OVER_TEMPERATURE, text);
+                emit(event::OVER_TEMPERATURE, text);
             } else if state.hot && celsius < limits.over_temperature - OVER_TEMPERATURE_HYSTERESIS {
                 state.hot = false;
-                tell(event::COOLED, format!("{group} has cooled down"));
+                emit(event::COOLED, format!("{group} has cooled down"));
             }
         }
         self.find_deadline();
     }
 
     /// Does what is due at `now`; `requested` is what the outputs should be.
-    pub fn advance(&mut self, now: SimTime, requested: u8, tell: &mut impl FnMut(Code, String)) {
+    pub fn advance(&mut self, now: SimTime, requested: u8, emit: &mut impl FnMut(Code, String)) {
         if let Some((_, supply_v)) = self.low
             && self.supply_deadline().is_some_and(|due| due <= now)
         {
-            self.fail(now, supply_v, requested, tell);
+            self.fail(now, supply_v, requested, emit);
         }
         for group in Group::ALL {
             let state = self.groups[group as usize];
@@ -197,7 +197,7 @@ impl Protection {
             let state = &mut self.groups[group as usize];
             if state.latch.is_some() {
                 state.latch = None;
-                tell(
+                emit(
                     event::TRIP_CLEARED,
                     format!("{group} may be switched on again"),
                 );
@@ -215,7 +215,7 @@ impl Protection {
                 ProtectionAction::Report => state.reported = true,
             }
             let text = format!("{group}: overcurrent; its {}", outputs(action));
-            tell(event::OVERCURRENT, text);
+            emit(event::OVERCURRENT, text);
         }
         self.find_deadline();
     }
@@ -286,7 +286,7 @@ impl Protection {
         now: SimTime,
         measured: &R150Measurements,
         requested: u8,
-        tell: &mut impl FnMut(Code, String),
+        emit: &mut impl FnMut(Code, String),
     ) {
         let supply_v = measured.bus_voltage;
         let limits = &self.settings;
@@ -299,13 +299,13 @@ impl Protection {
         if self.fault {
             if !low && !measured.power_module_fault {
                 self.fault = false;
-                tell(
+                emit(
                     event::POWER_MODULE_RECOVERED,
                     "power module fault ended".to_owned(),
                 );
             }
         } else if measured.power_module_fault {
-            self.fail(now, supply_v, requested, tell);
+            self.fail(now, supply_v, requested, emit);
         } else {
             let since = self.low.map_or(now, |(since, _)| since);
             self.low = low.then_some((since, supply_v));
@@ -333,7 +333,7 @@ impl Protection {
         now: SimTime,
         supply_v: f64,
         requested: u8,
-        tell: &mut impl FnMut(Code, String),
+        emit: &mut impl FnMut(Code, String),
     ) {
         self.fault = true;
         self.low = None;
@@ -350,7 +350,7 @@ impl Protection {
             ProtectionAction::Report => "the outputs stay as they are",
         };
         let text = format!("power module fault at {supply_v:.1} V supply; {outputs}");
-        tell(event::POWER_MODULE_FAULT, text);
+        emit(event::POWER_MODULE_FAULT, text);
     }
 
     fn supply_deadline(&self) -> Option<SimTime> {

@@ -140,7 +140,7 @@ impl R150Device {
                 _ => "PWM",
             };
             let text = format!("the client took control of {parts} (RS232 mode)");
-            self.shell.tell(now, event::CONTROL_TAKEN, text);
+            self.shell.emit(now, event::CONTROL_TAKEN, text);
         }
         if let Some(reply) = state.or_else(|| self.execute(now, request)) {
             self.reply(now, reply);
@@ -206,7 +206,7 @@ impl R150Device {
 
     fn refuse_for_app(&mut self, now: SimTime, command: u8) -> Option<bool> {
         let text = format!("{} refused: the app holds control", label(command));
-        self.shell.tell(now, event::APP_IN_CONTROL, text);
+        self.shell.emit(now, event::APP_IN_CONTROL, text);
         match self.settings.on_app_in_control {
             RefusalReply::Silent => None,
             RefusalReply::False => Some(false),
@@ -233,13 +233,13 @@ impl R150Device {
             let text = format!(
                 "{commands} motor commands within a second, which are more than can be answered"
             );
-            self.shell.tell(now, event::OVER_RATE, text);
+            self.shell.emit(now, event::OVER_RATE, text);
         }
         if set_point != [0, 0] && !obstacles.is_empty() {
             let why: Vec<&str> = obstacles.iter().map(|why| why.as_str()).collect();
             let why = why.join(", ");
             let text = format!("motor command does not move the vehicle: {why}");
-            self.shell.tell(now, event::NOT_DRIVING, text);
+            self.shell.emit(now, event::NOT_DRIVING, text);
         }
         answer
     }
@@ -265,7 +265,7 @@ impl R150Device {
 
     fn drop_reply(&mut self, now: SimTime) {
         let text = "a reply was dropped: too many wait to be sent";
-        self.shell.tell(now, event::REPLY_DROPPED, text);
+        self.shell.emit(now, event::REPLY_DROPPED, text);
     }
 
     fn reply_after(&mut self, now: SimTime, spread: Duration, reply: Reply) {

@@ -124,7 +124,7 @@ impl Bench {
     }
 
     fn send(&mut self, bytes: &[u8]) -> Option<Vec<u8>> {
-        self.device.receive(self.now, bytes);
+        self.device.handle_bytes(self.now, bytes);
         self.reply()
     }
 

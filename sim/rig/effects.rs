@@ -80,7 +80,7 @@ impl Rig {
             self.events.keep(now, device, event);
         } else {
             let what = format!("step \"{name}\": {} {}", info.level.key(), info.id);
-            self.tell_action(device, code::ACTION_APPLIED, what.clone());
+            self.emit_action(device, code::ACTION_APPLIED, what.clone());
             let changes = match &work {
                 Work::Done(changes) => changes.iter().any(|change| change.restore.is_some()),
                 _ => true,
@@ -125,7 +125,7 @@ impl Rig {
     pub fn clear(&mut self, effect: EffectHandle) {
         self.disarm(effect);
         if let Some((device, what, _)) = self.effects.actions.remove(&effect) {
-            self.tell_action(device, code::ACTION_REVERTED, format!("{what}, undone"));
+            self.emit_action(device, code::ACTION_REVERTED, format!("{what}, undone"));
         }
         self.restore(effect);
     }
@@ -169,7 +169,7 @@ impl Rig {
         }
     }
 
-    fn tell_action(&mut self, device: usize, code: Code, text: String) {
+    fn emit_action(&mut self, device: usize, code: Code, text: String) {
         self.events
             .keep(self.now, device, EventKind::new(code, text));
     }

@@ -70,16 +70,16 @@ impl Rig {
     }
 
     /// Something that only the server of the port knows happened on it.
-    pub fn tell(&mut self, port: PortId, event: LineEvent) {
+    pub fn emit_line_event(&mut self, port: PortId, event: LineEvent) {
         if self.line(port).is_some() {
             self.line_event(port, Some(event));
         }
     }
 
     /// The same at every device.
-    pub fn tell_all(&mut self, event: LineEvent) {
+    pub fn emit_at_all(&mut self, event: LineEvent) {
         for device in 0..self.slots.len() {
-            self.tell(PortId { device, link: 0 }, event);
+            self.emit_line_event(PortId { device, link: 0 }, event);
         }
     }
 
@@ -116,7 +116,7 @@ impl Rig {
         let events = self
             .line_mut(port)
             .map(|line| line.client_sends(now, bytes));
-        self.note_sent(port, bytes.len());
+        self.count_sent(port, bytes.len());
         self.reschedule(port.device);
         for event in events.into_iter().flatten() {
             self.line_event(port, Some(event));
@@ -143,7 +143,7 @@ impl Rig {
     }
 
     /// The client has put bytes on the line.
-    fn note_sent(&mut self, port: PortId, bytes: usize) {
+    fn count_sent(&mut self, port: PortId, bytes: usize) {
         let garbled = self.line(port).is_some_and(SerialLine::is_garbled);
         if let Some(faults) = self.faults_mut(port.device) {
             faults.client_sends(port.link, bytes, garbled);

@@ -21,7 +21,7 @@ impl Rig {
         let unit = slot.device.as_mut();
         let faults = slot.faults.as_deref_mut();
         let mut reported = 0;
-        receive(now, unit, &mut slot.lines, faults, &mut |unit| {
+        deliver(now, unit, &mut slot.lines, faults, &mut |unit| {
             reported += 1;
             if reported % BYTES_BETWEEN == 0 {
                 take_events(device, unit, &mut self.events);
@@ -33,34 +33,34 @@ impl Rig {
         }
         // Most bytes do no more than to lengthen a frame.
         if due || reported >= BYTES_BETWEEN || unit.has_output() {
-            self.settle(device);
+            self.update_signals(device);
         }
-        self.follow_up(device);
+        self.collect_output(device);
     }
 
     /// Follows up whatever has happened to a device at the present time.
     pub(super) fn after_change(&mut self, device: usize) {
-        self.settle(device);
-        self.follow_up(device);
+        self.update_signals(device);
+        self.collect_output(device);
     }
 
     /// Passes pins and measurements between firmware and hardware of a device.
-    fn settle(&mut self, device: usize) {
+    fn update_signals(&mut self, device: usize) {
         self.rest_to_grid(device);
         let now = self.now;
         if let Some(slot) = self.slots.get_mut(device) {
             let unit = slot.device.as_mut();
-            unit.settle(now);
+            unit.exchange_signals(now);
             if unit.next_deadline().is_some_and(|due| due <= now) {
                 // What the firmware answers to a measurement at once, such as a trip without delay.
                 unit.advance(now);
-                unit.settle(now);
+                unit.exchange_signals(now);
             }
         }
     }
 
     /// Takes what a device has to say, and notes when it next has something to do.
-    fn follow_up(&mut self, device: usize) {
+    fn collect_output(&mut self, device: usize) {
         let Some(slot) = self.slots.get_mut(device) else {
             return;
         };
@@ -100,7 +100,7 @@ fn take_events(device: usize, unit: &mut dyn Device, events: &mut Events) {
 }
 
 /// Hands a device the bytes that have arrived; `between` is called after each.
-fn receive(
+fn deliver(
     now: SimTime,
     unit: &mut dyn Device,
     lines: &mut [SerialLine],

@@ -373,7 +373,7 @@ fn a_port_that_does_not_exist_does_nothing() {
     rig.set_client_line(nowhere, ClientLine::at(9600));
     rig.client_sends(nowhere, SimTime::from_millis(1), &[1, 2, 3])
         .unwrap();
-    rig.tell(nowhere, LineEvent::Overrun { bytes: 1 });
+    rig.emit_line_event(nowhere, LineEvent::Overrun { bytes: 1 });
     assert_eq!(rig.room(nowhere), 0);
     assert!(rig.with_device(3, |_: &mut R150, _, _| ()).is_none());
 }

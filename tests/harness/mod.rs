@@ -236,7 +236,7 @@ pub fn with_code(objects: &[Value], code: &str) -> Vec<Value> {
 }
 
 /// Says on standard error, past the capture of passing tests' output, what was not tested.
-pub fn tell_skipped(what: &str, why: &str) {
+pub fn report_skipped(what: &str, why: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "SKIPPED {what}: {why}");
 }
@@ -253,6 +253,6 @@ pub fn python() -> Option<&'static str> {
         std::env::var_os("SIM_TEST_PYTHON").is_none(),
         "SIM_TEST_PYTHON is set, and there is no Python with pyserial"
     );
-    tell_skipped("a client in Python", "no python3 with pyserial");
+    report_skipped("a client in Python", "no python3 with pyserial");
     None
 }

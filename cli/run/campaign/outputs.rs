@@ -142,10 +142,10 @@ impl Merged {
         let mut view = View::bare(finding.kind, Some(reason));
         let cases = finding.cases.iter();
         let cases = cases.map(|case| [case.name.as_str(), &case.reason].join(": "));
-        view.note("case", cases);
+        view.add_notes("case", cases);
         let first = finding.cases.first().map(|case| case.command.clone());
         let first = first.filter(|_| finding.kind != Verdict::Missing);
-        view.note("again", first.into_iter());
+        view.add_notes("again", first.into_iter());
         view
     }
 }

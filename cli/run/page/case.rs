@@ -85,7 +85,7 @@ pub(super) fn shown(
                 @if let Some(text) = &case.loaded.scenario.description { p.about { (readable(text)) } }
                 (faults(outcome))
                 (margins(outcome))
-                @for one in &view.notes { (note(one)) }
+                @for one in &view.notes { (render_note(one)) }
                 @if let Some(Err(why)) = &frames {
                     p.note { "No picture: the recording could not be played again, " (readable(why)) }
                 }
@@ -177,7 +177,7 @@ fn context(context: &Context, wants_before: bool) -> Markup {
     }
 }
 
-pub(super) fn note(note: &Note) -> Markup {
+pub(super) fn render_note(note: &Note) -> Markup {
     html! { p.note { (readable(&note.to_string())) } }
 }
 

@@ -10,7 +10,7 @@ use rigsim_core::event::{Event, code};
 use rigsim_physics::world::{Feature, FeatureKind};
 use rigsim_runner::Run;
 use rigsim_runner::run::Probe;
-use rigsim_runner::trace::{Onlooker, Record};
+use rigsim_runner::trace::{Observer, Record};
 
 use crate::log::Words;
 
@@ -212,7 +212,7 @@ impl<'a> Frames<'a> {
         failed_at.is_some_and(|failed| failed <= at + AROUND[0] && at <= failed + AROUND[1])
     }
 
-    fn note_line(&mut self, at: SimTime, line: String) {
+    fn push_line(&mut self, at: SimTime, line: String) {
         if self.lines.len() < MOST_LINES {
             self.lines.push((at, line));
         } else {
@@ -220,7 +220,7 @@ impl<'a> Frames<'a> {
         }
     }
 
-    fn note_features(&mut self, run: &Run) {
+    fn track_features(&mut self, run: &Run) {
         let world = run.rig().world();
         if self.changes.replace(world.changes()) == Some(world.changes()) {
             return;
@@ -238,7 +238,7 @@ impl<'a> Frames<'a> {
     }
 
     /// Begins a series for each number that the client has not published before.
-    fn note_published(&mut self, run: &Run) {
+    fn begin_series(&mut self, run: &Run) {
         let looks = self.times.len().saturating_sub(1);
         for probe in run.published().filter(|_| self.wanted.values) {
             let is_known = |series: &Series| series.probe.name == probe.name;
@@ -252,7 +252,7 @@ impl<'a> Frames<'a> {
         }
     }
 
-    fn note_fault(&mut self, event: &Event, name: &str, fault: &'static str) {
+    fn update_span(&mut self, event: &Event, name: &str, fault: &'static str) {
         let at = event.at.as_secs_f64();
         let open = |span: &&mut Span| {
             span.to.is_none() && span.name == name && span.device == event.device
@@ -287,12 +287,12 @@ fn is_shown(unit: &str) -> bool {
     !unit.is_empty() && unit != "s"
 }
 
-impl Onlooker for Frames<'_> {
+impl Observer for Frames<'_> {
     fn record(&mut self, record: &Record) {
         if let Record::Step { t, step, what } = record {
             let at = SimTime::from_nanos(*t);
             if self.is_near_failure(at) {
-                self.note_line(at, format!("{at:>12} == step \"{step}\" {what}"));
+                self.push_line(at, format!("{at:>12} == step \"{step}\" {what}"));
             }
         }
     }
@@ -304,20 +304,20 @@ impl Onlooker for Frames<'_> {
 
     fn event(&mut self, _: &Run, event: &Event) {
         if let Some((name, fault)) = event.kind.fault() {
-            self.note_fault(event, name, fault);
+            self.update_span(event, name, fault);
         }
         if self.is_near_failure(event.at) {
-            self.note_line(event.at, self.words.plain(event));
+            self.push_line(event.at, self.words.plain(event));
         }
     }
 
-    fn next_look(&self) -> SimTime {
+    fn next_sample(&self) -> SimTime {
         self.next
     }
 
-    fn look(&mut self, run: &Run) {
+    fn sample(&mut self, run: &Run) {
         self.next = self.after(self.next);
-        self.note_features(run);
+        self.track_features(run);
         self.times.push(run.rig().now().as_secs_f64());
         for way in &mut self.ways {
             if let Some(probes) = &way.probes {
@@ -325,7 +325,7 @@ impl Onlooker for Frames<'_> {
                 way.poses.push(pose);
             }
         }
-        self.note_published(run);
+        self.begin_series(run);
         for series in &mut self.series {
             series.values.push(series.probe.number(run));
         }

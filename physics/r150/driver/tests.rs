@@ -14,7 +14,7 @@ fn a_reversal_goes_down_by_one_ramp_and_up_by_the_other() {
     let mut took = |wanted: f64| {
         let mut steps = 0;
         while (driver.duty - wanted).abs() > 1e-9 {
-            driver.follow(wanted, &settings, 0.005);
+            driver.ramp(wanted, &settings, 0.005);
             steps += 1;
         }
         steps * 5
@@ -26,7 +26,7 @@ fn a_reversal_goes_down_by_one_ramp_and_up_by_the_other() {
         ramp_up: std::time::Duration::ZERO,
         ..settings
     };
-    driver.follow(0.7, &at_once, 0.0005);
+    driver.ramp(0.7, &at_once, 0.0005);
     assert_eq!(driver.duty, 0.7);
 }
 

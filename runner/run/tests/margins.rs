@@ -89,7 +89,7 @@ fn scripted_live_and_replayed_runs_have_the_same_margins() {
         },
     )
     .unwrap();
-    live.follow_bytes();
+    live.stop_at_bytes();
     let mut replay = crate::trace::Replay::begin(rigsim_core::SHIPPED, &lines[0]).unwrap();
     for line in &lines[1..] {
         if let Record::Host { t, port, bytes } = serde_json::from_str(line).unwrap() {

@@ -29,7 +29,7 @@ fn mode(mode: u8) -> Request {
 fn fields_may_be_big_endian_both_ways() {
     let mut bench = with(|s| s.byte_order = ByteOrder::Big);
     let bytes = [0, 9, 0, 1, 0, 0x00, 0x0A, 0xFE, 0x0C];
-    bench.device.receive(bench.now, Link::Main, &bytes);
+    bench.device.handle_bytes(bench.now, Link::Main, &bytes);
     let (_, event) = bench.events().swap_remove(0);
     assert_eq!(event.bytes().unwrap(), &bytes[..]);
     assert_eq!(bench.device.rotations(), [-1; 4]);
@@ -52,7 +52,7 @@ fn whatever_is_valid_may_be_answered_by_a_report() {
     bench.line("X10\nQ\n");
     assert_eq!(bench.output(Link::Main).len(), 1);
     bench.line("X1\n");
-    bench.device.receive(bench.now, Link::Main, &[0xFF]);
+    bench.device.handle_bytes(bench.now, Link::Main, &[0xFF]);
     assert_eq!(bench.output(Link::Ros), [b"V0 S0 \n"]);
     bench.run_ms(100);
     // The periodic one comes as before.

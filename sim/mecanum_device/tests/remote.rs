@@ -75,7 +75,7 @@ fn without_supply_the_board_is_silent_and_forgets() {
     bench.motion(0, 0, 100, 500);
     bench.run_ms(450);
     assert_eq!(bench.statuses().len(), 4);
-    bench.device.receive(bench.now, Link::Main, &[0, 9, 1]);
+    bench.device.handle_bytes(bench.now, Link::Main, &[0, 9, 1]);
     bench.read(|r| r.board_powered = false);
     bench.go(0, 100, 500);
     bench.line("X10\n");

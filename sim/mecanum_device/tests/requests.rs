@@ -202,8 +202,10 @@ fn a_partial_packet_is_dropped_at_the_timeout() {
         (Duration::from_millis(50) + QUANTUM, false),
     ] {
         let mut bench = Bench::new();
-        bench.device.receive(bench.now, Link::Main, head);
-        bench.device.receive(SimTime::ZERO + gap, Link::Main, tail);
+        bench.device.handle_bytes(bench.now, Link::Main, head);
+        bench
+            .device
+            .handle_bytes(SimTime::ZERO + gap, Link::Main, tail);
         assert_eq!(bench.is_driving(), drives);
         let dropped = (MS(50), "partial_packet");
         let events = bench.events();
@@ -229,7 +231,7 @@ fn a_link_timeout_stops_the_motors_after_that_silence() {
     bench.motion(0, 0, 1000, 100);
     bench.until(MS(200));
     // Junk is not a sign of life, a valid line on the other link is.
-    bench.device.receive(bench.now, Link::Main, &[0xFF]);
+    bench.device.handle_bytes(bench.now, Link::Main, &[0xFF]);
     bench.until(MS(300) - QUANTUM);
     assert!(bench.is_driving());
     bench.until(MS(300));

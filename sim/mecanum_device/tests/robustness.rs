@@ -46,7 +46,7 @@ fn fed(bytes: &[u8], cuts: &[usize]) -> Bench {
         for pair in cuts.windows(2) {
             bench
                 .device
-                .receive(bench.now, link, &bytes[pair[0]..pair[1]]);
+                .handle_bytes(bench.now, link, &bytes[pair[0]..pair[1]]);
         }
     }
     bench
@@ -90,7 +90,9 @@ fn every_event_has_words_and_a_code() {
     assert_eq!(started.code().as_str(), "motion_started");
     let mut bench = Bench::with_ros();
     bench.line("X-10\r\n");
-    bench.device.receive(bench.now, Link::Main, &[0xAA, 0xBB]);
+    bench
+        .device
+        .handle_bytes(bench.now, Link::Main, &[0xAA, 0xBB]);
     bench.send(Request::ControlMode { seq: 7, mode: 0 });
     let words = |(_, event): (SimTime, EventKind)| event.to_string();
     let said: Vec<String> = bench.events().into_iter().map(words).collect();
@@ -118,7 +120,7 @@ proptest! {
                 while bench.device.poll_output().is_some() || bench.device.poll_event().is_some() {}
                 prop_assert!(!bench.device.has_output());
                 let before = bench.device.commands();
-                bench.device.receive(bench.now, link, &[byte]);
+                bench.device.handle_bytes(bench.now, link, &[byte]);
                 prop_assert!(bench.device.has_output() || bench.device.commands() == before);
             }
         }
@@ -142,8 +144,8 @@ proptest! {
         let mut bench = Bench::with_ros();
         for (act, bytes, wait, pulses) in acts {
             match act {
-                0 => bench.device.receive(bench.now, Link::Main, &bytes),
-                1 => bench.device.receive(bench.now, Link::Ros, &bytes),
+                0 => bench.device.handle_bytes(bench.now, Link::Main, &bytes),
+                1 => bench.device.handle_bytes(bench.now, Link::Ros, &bytes),
                 2 => bench.read(|r| r.pulses = pulses),
                 3 => bench.read(|r| {
                     r.board_powered ^= pulses[0] % 4 == 0;

@@ -111,7 +111,7 @@ proptest! {
                 _ => bench.after(Duration::from_micros(wait.into())),
             }
             for frame in [encode(0x12, &[1, 0, 1, 0]), encode(0x12, &[1])] {
-                bench.device.receive(bench.now, &frame);
+                bench.device.handle_bytes(bench.now, &frame);
             }
         }
         bench.after(Duration::from_secs(2));
@@ -139,7 +139,7 @@ fn a_client_at_20_hz_gets_every_reply_however_its_commands_jitter() {
         for turn in 0..200_u64 {
             let early = Duration::from_micros(jitter_us * (turn % 3));
             bench.until(SimTime::from_millis(50 * (turn + 1)) - early);
-            bench.device.receive(
+            bench.device.handle_bytes(
                 bench.now,
                 &Request::SetMotors { right: 1, left: 1 }.encode(),
             );
@@ -384,7 +384,9 @@ fn replies_spread_evenly_up_to_what_is_set_and_keep_their_order() {
     let mut took = Vec::new();
     for _ in 0..200 {
         let asked = bench.now;
-        bench.device.receive(asked, &Request::Heartbeat.encode());
+        bench
+            .device
+            .handle_bytes(asked, &Request::Heartbeat.encode());
         while bench.device.poll_output().is_none() {
             bench.after(Duration::from_micros(50));
         }
@@ -398,7 +400,7 @@ fn replies_spread_evenly_up_to_what_is_set_and_keep_their_order() {
     );
     assert!((1700..2300).contains(&mean.as_micros()), "{mean:?}");
     for request in [Request::Heartbeat, Request::Version, Request::GetPwmOutputs] {
-        bench.device.receive(bench.now, &request.encode());
+        bench.device.handle_bytes(bench.now, &request.encode());
     }
     bench.after(spread);
     let order: Vec<u8> = std::iter::from_fn(|| bench.device.poll_output())

@@ -85,7 +85,7 @@ fn output(chunks: &[(SimTime, &[u8])]) -> (Vec<u8>, Vec<EventKind>) {
     let mut bench = Bench::new();
     let mut bytes = Vec::new();
     for (at, chunk) in chunks {
-        bench.device.receive(*at, chunk);
+        bench.device.handle_bytes(*at, chunk);
         while let Some(frame) = bench.device.poll_output() {
             bytes.extend(frame);
         }
@@ -137,7 +137,7 @@ proptest! {
             while bench.device.poll_output().is_some() || bench.device.poll_event().is_some() {}
             prop_assert!(!bench.device.has_output());
             let before = bench.device.commands();
-            bench.device.receive(bench.now, &[byte]);
+            bench.device.handle_bytes(bench.now, &[byte]);
             prop_assert!(bench.device.has_output() || bench.device.commands() == before);
         }
     }

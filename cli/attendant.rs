@@ -17,7 +17,7 @@ use crate::recording::TraceFile;
 const GLANCE: Duration = Duration::from_millis(100);
 
 /// Passes on what happens to log, listeners and trace.
-pub(crate) struct Looking<'a> {
+pub(crate) struct LogAttendant<'a> {
     pub(crate) log: Option<&'a Log>,
     pub(crate) requests: Option<&'a mut RequestQueue>,
     /// Where a client that was started here publishes numbers, and what it writes.
@@ -25,7 +25,7 @@ pub(crate) struct Looking<'a> {
     pub(crate) trace: &'a mut Option<TraceFile>,
 }
 
-impl Attendant for Looking<'_> {
+impl Attendant for LogAttendant<'_> {
     fn attend(
         &mut self,
         run: &mut Run,
@@ -57,7 +57,7 @@ impl Attendant for Looking<'_> {
         }
         let again = match &mut self.requests {
             Some(_) if !answered => Some(Duration::ZERO),
-            Some(requests) => requests.tell_what_is_due(run),
+            Some(requests) => requests.send_due(run),
             None => None,
         };
         // A client also writes while nothing else happens.

@@ -1,4 +1,4 @@
-//! Looking on while a recording is played again.
+//! Observing while a recording is played again.
 
 use rigsim_core::SimTime;
 use rigsim_core::event::Event;
@@ -6,11 +6,11 @@ use rigsim_core::event::Event;
 use crate::run::Run;
 use crate::run::record::Record;
 
-/// Looks on while a recording is played again ([`super::Replay::watched`]).
+/// Observes while a recording is played again ([`super::Replay::watched`]).
 ///
-/// Events come in the order of time, each before the first look at or behind its time. Records come
+/// Events come in the order of time, each before the first sample at or behind its time. Records come
 /// as they stand in the recording, which is before the second run goes past their times.
-pub trait Onlooker {
+pub trait Observer {
     /// A line of the recording, the header aside.
     fn record(&mut self, record: &Record) {
         let _ = record;
@@ -21,13 +21,13 @@ pub trait Onlooker {
         let _ = (run, event);
     }
 
-    /// When to look next; the end of time for never. After a look it has to be later.
-    fn next_look(&self) -> SimTime {
+    /// Returns when to sample next; the end of time for never. After a sample it has to be later.
+    fn next_sample(&self) -> SimTime {
         SimTime::MAX
     }
 
     /// The second run has come to that time.
-    fn look(&mut self, run: &Run) {
+    fn sample(&mut self, run: &Run) {
         let _ = run;
     }
 
