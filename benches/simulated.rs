@@ -85,7 +85,7 @@ impl Driving {
             .encode();
             let round = SimTime::ZERO + COMMAND_INTERVAL * u32::try_from(self.command).unwrap();
             for device in 0..self.vehicles {
-                // Clients of their own do not send at the same instant.
+                // Separate clients do not send at the same instant.
                 let offset = COMMAND_INTERVAL.mul_f64(fraction(device, self.vehicles));
                 let port = PortId { device, link: 0 };
                 self.rig.approach(round + offset).unwrap();

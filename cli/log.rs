@@ -1,4 +1,4 @@
-//! Printing what happens, on a thread of its own so that a slow terminal never delays a reply.
+//! Printing what happens, on its own thread so that a slow terminal never delays a reply.
 
 mod words;
 

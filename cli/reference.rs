@@ -169,7 +169,7 @@ impl Page<'_> {
         }
     }
 
-    /// Returns what stands for a definition, which gets a section of its own unless it is short.
+    /// Returns what stands for a definition, which gets its own section unless it is short.
     fn reference(&mut self, name: &str) -> String {
         if let Some((_, place)) = ELSEWHERE.iter().find(|(elsewhere, _)| *elsewhere == name) {
             return (*place).to_owned();

@@ -239,7 +239,7 @@ impl Audience<'_> {
 
     /// Nothing has come for a moment.
     fn idle(&mut self) -> Result<(), Failure> {
-        // Without a thread of its own, which the system may refuse.
+        // Without its own thread, which the system may refuse.
         self.progress.tick();
         self.results.as_mut().map_or(Ok(()), Results::catch_up)?;
         self.junit.as_mut().map_or(Ok(()), Junit::catch_up)

@@ -231,7 +231,7 @@ pub(crate) struct Given<'a> {
 }
 
 impl<'a> Given<'a> {
-    /// Collects what flags say; settings of their own go into `base`.
+    /// Collects what flags say; their own settings go into `base`.
     pub(crate) fn new(
         base: SimSettings,
         args: &'a GivenArgs,
@@ -309,10 +309,10 @@ pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loade
     let left_out = match others.as_slice() {
         [] => None,
         [one] => Some(format!(
-            "{one} has devices of its own, so it is no fault file for --job"
+            "{one} has its own devices, so it is no fault file for --job"
         )),
         [first, rest @ ..] => Some(format!(
-            "{first} and {} more have devices of their own, so they are no fault files for --job",
+            "{first} and {} more have their own devices, so they are no fault files for --job",
             rest.len()
         )),
     };

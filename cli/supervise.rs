@@ -8,7 +8,7 @@
 //! left.
 //!
 //! It is a child subreaper: a process whose parent has ended becomes its child, also one that has
-//! gone into a session of its own. So when it has no child left, no process is left.
+//! gone into its own session. So when it has no child left, no process is left.
 
 use std::ffi::OsString;
 use std::fs;
@@ -66,7 +66,7 @@ fn run(command: &[OsString]) -> anyhow::Result<ClientEnd> {
         .args(args)
         .stdin(Stdio::null())
         .stdout(Stdio::from(io::stderr()))
-        // A group of its own can be signalled as a whole.
+        // Its own group can be signalled as a whole.
         .process_group(0)
         .spawn();
     let client = match spawned {

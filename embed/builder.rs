@@ -253,7 +253,7 @@ impl Builder {
         self.run().map(Simulation::new)
     }
 
-    /// Builds it and serves it in real time, in a thread of its own.
+    /// Builds it and serves it in real time, in its own thread.
     ///
     /// # Errors
     /// As [`Builder::build`], or when a pseudo-terminal or the thread cannot be made.

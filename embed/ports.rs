@@ -20,7 +20,7 @@ pub enum Elsewhere<'a> {
 
 /// A pseudo-terminal has two ends, a directory and a lock.
 const DESCRIPTORS_OF_A_PORT: u64 = 4;
-/// More than a program needs beside its ports: several runs at a time have ports of their own.
+/// More than a program needs beside its ports: several runs at a time have their own ports.
 const OTHER_DESCRIPTORS: u64 = 512;
 
 /// Opens every port that a client may open, which are all but those of devices that the script is

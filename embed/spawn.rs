@@ -1,4 +1,4 @@
-//! A simulation that is served in real time by a thread of its own.
+//! A simulation that is served in real time by its own thread.
 
 use std::io::PipeWriter;
 use std::path::{Path, PathBuf};

@@ -18,7 +18,7 @@
 //! - What a program reads that is random comes from the run's seed.
 //!
 //! Everything about devices is the world's. The crate knows pseudo-terminals, as [`Port`]s, whose bytes it
-//! keeps from the kernel's: that takes a time of its own to pass them on.
+//! keeps from the kernel's: passing them on takes time of the machine.
 //!
 //! It runs on x86-64; elsewhere [`run`] says that it does not. All that is of that architecture is
 //! in `traced/x86_64.rs`.

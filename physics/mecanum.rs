@@ -16,7 +16,7 @@
 //! Source: H. Taheri, B. Qiao, N. Ghaeminezhad, *Kinematic Model of a Four Mecanum Wheeled Mobile
 //! Robot*, IJCA 113(3), 2015. Nothing here computes with that formula; the tests do.
 //!
-//! The motors are brushless gear motors with a speed control of their own: it follows the speed
+//! The motors are brushless gear motors with their own speed control: it follows the speed
 //! voltage along a ramp, in the direction that FR says, with no more torque than it has.
 
 mod drive;

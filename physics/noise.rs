@@ -5,7 +5,7 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 
 /// One stream of random numbers.
 ///
-/// Each user has a stream of its own, named by what it is for, so that one more user does not
+/// Each user has its own stream, named by what it is for, so that one more user does not
 /// shift what the others draw. The generator (PCG XSL RR 128/64) has a documented sequence.
 #[derive(Debug, Clone)]
 pub struct Noise(Pcg64);

@@ -35,7 +35,7 @@
 //!
 //! # Clients
 //!
-//! What a client does always has an instant of its own: it is dated a nanosecond later than
+//! What a client does always has its own instant: it is dated a nanosecond later than
 //! whatever has been done already. So a recorded run can be repeated exactly.
 
 mod agenda;

@@ -323,7 +323,7 @@ impl Scenario {
         })
     }
 
-    /// Returns whether it has no end of its own, as devices that are only served.
+    /// Returns whether it has no end by itself, as devices that are only served.
     #[must_use]
     pub fn is_endless(&self) -> bool {
         self.limit == Duration::MAX

@@ -93,7 +93,7 @@ pub struct Entry {
 pub enum Problem {
     /// No setting has this name.
     UnknownKey,
-    /// The name is that of a group, which has no value of its own.
+    /// The name is that of a group, which has no value itself.
     IsGroup,
     /// The value is not one of those allowed.
     Invalid {

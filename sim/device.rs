@@ -64,7 +64,7 @@ pub struct DeviceSpec {
     pub compare_first: &'static [&'static str],
     /// Puts one into a world.
     pub build: fn(&Setup<'_>, &mut World) -> Box<dyn Device>,
-    /// The names of its own events.
+    /// The names of the device's own events.
     pub codes: &'static [Code],
     /// Messages of its protocol, as they are declared.
     pub messages: &'static [&'static [MessageInfo]],
@@ -296,8 +296,8 @@ pub trait Device: Any + Send + Sync {
         self.plant_mut().after_step(world);
     }
 
-    /// Returns a sum of faults in which nothing is wrong. A device with faults of its own hardware
-    /// has a part of its own in it.
+    /// Returns a sum of faults in which nothing is wrong. A device whose hardware has faults
+    /// has a part for them in it.
     fn no_faults(&self) -> Sum {
         Sum::new(0.0, ())
     }

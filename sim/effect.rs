@@ -6,7 +6,7 @@
 //!
 //! [`Rig::apply`](crate::rig::Rig::apply) begins an effect, [`Rig::clear`](crate::rig::Rig::clear)
 //! ends it, and any number may be at work at once: they act in the order in which they began. Each
-//! random one draws from streams of its own, named by its step and direction, so that another never
+//! random one draws from its own streams, named by its step and direction, so that another never
 //! changes what it does. Without an effect none of this runs.
 
 mod body;

@@ -111,7 +111,7 @@ impl SerialLine {
         most.saturating_sub(self.to_device.kept())
     }
 
-    /// Number of bytes that the line keeps for a client whose driver has no buffer of its own.
+    /// Number of bytes that the line keeps for a client whose driver has no buffer.
     #[must_use]
     pub fn space(&self) -> usize {
         MOST_IN_FLIGHT.saturating_sub(self.to_device.kept())

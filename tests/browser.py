@@ -24,7 +24,7 @@ def overflow(page):
 
 
 def colours(blank, screenshot):
-    """How often each colour is in a screenshot, by its RGB; `blank` is a page without rules of its own."""
+    """How often each colour is in a screenshot, by its RGB; `blank` is a page without its own rules."""
     counts = blank.evaluate(
         """async png => {
             const bytes = Uint8Array.from(atob(png), letter => letter.charCodeAt(0));

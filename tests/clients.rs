@@ -157,7 +157,7 @@ fn a_client_killed_with_the_port_to_itself_does_not_keep_others_out() {
 }
 
 #[test]
-#[ignore = "run by another test in a process of its own, not as root"]
+#[ignore = "run by another test in its own process, not as root"]
 fn scene_of_a_killed_client() {
     if !unprivileged::is_rerun() {
         return;

@@ -24,7 +24,7 @@ use tempfile::TempDir;
 use harness::wire::motors;
 use harness::{Finished, Sim, command, report_skipped, until};
 
-/// A simulator that is controlled, in a folder of its own where it is found and leaves its trace.
+/// A simulator that is controlled, in its own folder where it is found and leaves its trace.
 struct Controlled {
     sim: Sim,
     dir: TempDir,

@@ -3,7 +3,7 @@
 //! A block of TOML that is a whole scenario begins with its name as a comment, as in `# first.toml`;
 //! so does a block of Python that is a client. They are files for the commands. Other blocks of TOML
 //! are parts of scenarios. A block of the kind `console` has commands behind `$ ` and what they
-//! print; `...` stands for anything, on a line of its own for any number of lines. In blocks of the
+//! print; `...` stands for anything, on its own line for any number of lines. In blocks of the
 //! kind `console python`, Python and pyserial are needed. Commands end with 0 unless they say
 //! otherwise.
 #![allow(
@@ -373,7 +373,7 @@ fn sources(folder: &Path, text: &mut String) {
     }
 }
 
-/// Each sentence of a manual has a number of its own, and is held by tests that exist or assumed or
+/// Each sentence of a manual has its own number, and is held by tests that exist or assumed or
 /// left out.
 #[test]
 fn every_sentence_of_a_manual_is_held_by_a_test_or_said_not_to_be() {

@@ -67,7 +67,7 @@ const EXAMPLES: [(&str, &str, &str, &str); 8] = [
     ),
 ];
 
-/// Those for clients of their own.
+/// Those for the user's own clients.
 const JOBS: [&str; 2] = ["square", "there-and-back"];
 
 /// However long a busy machine takes.

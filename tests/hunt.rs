@@ -160,7 +160,7 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
     assert!(!folder.path().join("one/journal.jsonl").exists());
 }
 
-/// A client that speaks until the port is gone, and what it does then is in a module of its own. It aborts the
+/// A client that speaks until the port is gone, and what it does then is in a separate module. It aborts the
 /// hunt at a start of which the number is in a file.
 const ABORTING: &str = r#"
 import os, signal, time, ends
@@ -503,7 +503,7 @@ fn what_cannot_be_searched_is_refused() {
     misspelt.expect_refusal(2, &["did you mean supply-sag?"]);
     write(&folder, "none.toml", "title = \"None\"\n");
     let none = hunt(&folder, &["--rules", "none.toml"]);
-    none.expect_refusal(2, &["none.toml", "no rule of its own"]);
+    none.expect_refusal(2, &["none.toml", "no rule itself"]);
     let second = hunt(&folder, &["--stages", "further"]);
     second.expect_refusal(2, &["add single or random"]);
     assert!(!folder.path().join("hunt").exists());

@@ -12,7 +12,7 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-/// A metre ahead, in a file of its own.
+/// A metre ahead, in its own file.
 const JOB: &str = r#"
 schema = 1
 title = "A metre ahead"
@@ -152,7 +152,7 @@ fn a_fault_file_is_played_within_any_job() {
         &folder,
         &["run", "--job", "job.toml", "other.toml"],
         2,
-        &["other.toml has devices of its own, so it is no fault file for --job"],
+        &["other.toml has its own devices, so it is no fault file for --job"],
     );
     // Among fault files, they are named once and left out.
     let among = prints(
@@ -167,7 +167,7 @@ fn a_fault_file_is_played_within_any_job() {
         ],
         0,
         &[
-            "job.toml and 1 more have devices of their own, so they are no fault files for --job: left out",
+            "job.toml and 1 more have their own devices, so they are no fault files for --job: left out",
             "well-formed",
         ],
     );

@@ -19,7 +19,7 @@ use harness::{Sim, until};
 
 /// Holds the port open, so that time begins.
 const OPEN: &str = "exec 3<>\"$SIM_R150_PORT\"; ";
-/// Goes into a session of its own, ignores what can be ignored, and writes down who it is; so does
+/// Goes into its own session, ignores what can be ignored, and writes down who it is; so does
 /// its child, whose parent then ends.
 const DAEMONS: &str = "setsid sh -c 'trap \"\" TERM HUP INT; echo $$ >>pids; \
     sh -c \"echo \\$\\$ >>pids; sleep 600\" & sleep 600; sleep 600' & ";

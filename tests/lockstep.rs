@@ -164,12 +164,7 @@ fn the_scenario_begins_when_the_client_opens_its_port() {
     let client = format!("sleep 20; {OPEN} sleep 1");
     script(&[], &client, 0, "4.0 s simulated");
     let client = format!("sleep 3000; {OPEN} sleep 1");
-    script(
-        &[],
-        &client,
-        3,
-        "has opened no port within 38s of its own time",
-    );
+    script(&[], &client, 3, "has opened no port within 38s of its time");
 }
 
 /// Also where nothing but its bytes happens.
@@ -377,7 +372,7 @@ fn no_process_outlives_a_simulator_that_is_killed() {
     }
 }
 
-/// Two devices, each for a client of its own.
+/// Two devices, each for its own client.
 const BOTH: &str = r#"
 schema = 1
 title = "Two clients drive at a time"
@@ -404,7 +399,7 @@ after = "both are on their way"
 expect = { that = "r150.truth.distance_m > 2.4 && r150.truth.at_rest && car.count.motion_done == 4", within = "30 s" }
 "#;
 
-/// In processes of their own, which have one parent.
+/// In their own processes, which have one parent.
 #[test]
 fn several_clients_drive_at_a_time() {
     let Some(python) = python() else { return };

@@ -30,7 +30,7 @@ fn short_session(client: &mut Client) {
     client.expect_silence_until_heartbeat();
 }
 
-/// A command that serves on a path in a directory of its own.
+/// A command that serves on a path in its own directory.
 fn serving(args: &[&str]) -> (TempDir, PathBuf, Command) {
     let dir = tempfile::tempdir().unwrap();
     let port = dir.path().join("r150");

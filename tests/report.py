@@ -71,7 +71,7 @@ def make():
 
 
 def open_page(browser, path, **options):
-    # Thin lines have pixels of their own.
+    # Thin lines have their own pixels.
     page = browser.new_context(**options, device_scale_factor=3).new_page()
     page.set_default_timeout(PATIENCE_MS)
     wrong = []
@@ -110,7 +110,7 @@ def looks(browser, blank, path):
             where = f"{name}, {scheme}"
             assert page.locator("h1").inner_text() == "2 of 3 passed"
             assert page.locator("table.cases tbody tr").count() == 3
-            # Titles have room, and the numbers stand in a column of their own.
+            # Titles have room, and the numbers stand in their own column.
             boxes = [page.locator(f"table.cases tbody tr:first-child td:nth-child({at})").bounding_box() for at in range(1, 6)]
             assert boxes[1]["width"] > (300 if name == "screen" else 150), (where, boxes)
             assert all(box["x"] >= boxes[1]["x"] + boxes[1]["width"] - 1 for box in boxes[3:]), (where, boxes)

@@ -153,7 +153,7 @@ impl Drop for Stop<'_> {
     }
 }
 
-/// Asks all the time on a port of its own; every request must be answered.
+/// Asks all the time on its own port; every request must be answered.
 fn behave(port: &Path, stop: &AtomicBool, answered: &AtomicU64) {
     let mut client = Client::open(port);
     while !stop.load(Ordering::Relaxed) {

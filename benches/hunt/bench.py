@@ -26,7 +26,7 @@ HERE = Path(__file__).resolve().parent
 
 
 def fits(kinds, noted):
-    """Whether each kind is one of those noted for a fault of its own."""
+    """Whether each kind is one of those noted for its own fault."""
     if len(kinds) != len(noted):
         return False
     if not kinds:

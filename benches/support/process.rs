@@ -20,7 +20,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts a program, and waits until it prints `ready` on a line of its own.
+    /// Starts a program, and waits until it prints `ready` on its own line.
     pub fn start(command: &mut Command) -> Self {
         let mut child = command
             .stdin(Stdio::null())

@@ -309,7 +309,7 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
 pub(super) fn add_rules(rules: &mut Table, text: &str) -> anyhow::Result<()> {
     let table: Table = text.parse()?;
     if !RULES.iter().any(|key| table.contains_key(*key)) {
-        bail!("it has no rule of its own: no [[always]], [[never]] or [[response]]");
+        bail!("it has no rule itself: no [[always]], [[never]] or [[response]]");
     }
     let is_rule = |key: &String| RULES.contains(&key.as_str()) || key == PARAMETERS;
     for (key, value) in table.into_iter().filter(|(key, _)| is_rule(key)) {

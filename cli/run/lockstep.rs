@@ -262,7 +262,7 @@ impl LockstepWorld<'_> {
                 format!("{}; {doing}", over_time(case, *real))
             }
             Reason::Deadlock(waits) if !begun => format!(
-                "the client has opened no port within {} of its own time: {waits}",
+                "the client has opened no port within {} of its time: {waits}",
                 show_duration(case.allowed)
             ),
             Reason::Deadlock(waits) => {

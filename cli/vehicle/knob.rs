@@ -85,7 +85,7 @@ impl Knob {
             let scaled = unit.map(|unit| knob(0.02, Form::Scaled(all, unit.clone())));
             return scaled.into_iter().collect();
         }
-        // What is off is a choice of its own, which is not tried.
+        // Off is a separate choice, which is not tried.
         let Some((value, unit)) = quantity(text) else {
             return Vec::new();
         };

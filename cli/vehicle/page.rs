@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::report::{FieldRow, Report};
 use crate::run::report_page;
 
-/// Size of a plot, in units of its own.
+/// Size of a plot, in its own units.
 const SIZE: [f64; 2] = [480.0, 160.0];
 /// A value of time, vehicle and model.
 type Value = fn(&[f64; 3]) -> f64;

@@ -299,7 +299,7 @@ impl<'a> Search<'a> {
         used as f64 / all.count() as f64
     }
 
-    /// Plays settings with seeds, in threads. What is the same as `like` takes no memory of its own.
+    /// Plays settings with seeds, in threads. What is the same as `like` takes no further memory.
     fn play(&self, jobs: &[(&SimSettings, u64)], like: Option<&Play>) -> Result<Vec<Play>, String> {
         let next = AtomicUsize::new(0);
         let played: Vec<_> = jobs.iter().map(|_| OnceLock::new()).collect();

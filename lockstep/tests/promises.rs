@@ -186,7 +186,7 @@ fn the_world_outside_has_real_time_and_is_named() {
                   time.sleep(2); c.send(b'y'); c.recv(1)";
     let mut command = Command::new(python3);
     command.args(["-c", server]).stdout(Stdio::piped());
-    // The tracer reaps the children of its own thread.
+    // The tracer reaps the children of that thread.
     let starting = std::thread::spawn(move || spawn(&mut command).expect("a server"));
     let mut server = starting.join().expect("it has started");
     let mut port = String::new();
@@ -223,7 +223,7 @@ fn a_pipe_that_no_process_of_the_run_writes_is_outside() {
                   os.write(file, b'late'); time.sleep(1)";
     let mut command = Command::new(python3);
     command.args(["-c", writer, text(&fifo)]);
-    // The tracer reaps the children of its own thread.
+    // The tracer reaps the children of that thread.
     let starting = std::thread::spawn(move || spawn(&mut command).expect("a writer"));
     let mut writer = starting.join().expect("it has started");
     let code = format!(
@@ -414,7 +414,7 @@ fn nothing_piles_up_over_many_runs() {
     for _ in 0..50 {
         run();
     }
-    // Other tests of this program have some of their own meanwhile.
+    // Other tests of this program have some meanwhile, too.
     assert!(open() < before + 40, "{} {before}", open());
     assert!(children() < 40, "{}", children());
 }
@@ -563,7 +563,7 @@ int main(void) {
     assert!(outside[0] == "client in openat2", "{outside:?}");
 }
 
-/// It waits for what no poll tells, and for one of its own threads, which time alone lets go on.
+/// It waits for what no poll tells, and for a thread of the same process, which time alone lets go on.
 #[test]
 fn a_thread_that_the_kernel_keeps_for_long_lets_time_go_on() {
     let code = r#"
@@ -626,7 +626,7 @@ fn a_lock_of_another_program_is_outside() {
         );
         let mut command = Command::new(&python3);
         command.args(["-c", &holder]).stdout(Stdio::piped());
-        // The tracer reaps the children of its own thread.
+        // The tracer reaps the children of that thread.
         let starting = std::thread::spawn(move || spawn(&mut command).expect("a holder"));
         let mut holder = starting.join().expect("it has started");
         let mut printed = std::io::BufReader::new(holder.stdout.take().expect("a pipe"));
@@ -668,7 +668,7 @@ fn a_thread_that_the_kernel_keeps_waits_for_nothing_outside() {
     command
         .args(["-c", holder, text(&file)])
         .stdout(Stdio::piped());
-    // The tracer reaps the children of its own thread.
+    // The tracer reaps the children of that thread.
     let starting = std::thread::spawn(move || spawn(&mut command).expect("a holder"));
     let mut holder = starting.join().expect("it has started");
     let mut printed = std::io::BufReader::new(holder.stdout.take().expect("a pipe"));

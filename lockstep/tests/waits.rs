@@ -296,7 +296,7 @@ print(server.accept()[0].recv(10), at())
 }
 
 /// The system keeps a second small message of a talk until the first has been acknowledged, which takes
-/// up to 40 ms of its own time.
+/// up to 40 ms of simulated time.
 #[test]
 fn what_is_sent_inside_is_there_at_once() {
     prints(

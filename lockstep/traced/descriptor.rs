@@ -108,7 +108,7 @@ impl Descriptor {
         self.kind().is_socket()
     }
 
-    /// An event counter, a timer, and others that have no file of their own.
+    /// An event counter, a timer, and others that have no file.
     pub(crate) fn is_anonymous(&self) -> bool {
         self.kind() == FileType::Unknown
     }

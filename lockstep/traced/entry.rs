@@ -109,7 +109,7 @@ impl Tracer<'_> {
                     .insert("a debugger: only one can trace a program, and that is sim".to_owned());
                 Ok(failure(libc::EPERM))
             }
-            // Those that have a group of their own.
+            // Those that have their own group.
             _ => Ok(Handling::Make),
         }
     }

@@ -46,7 +46,7 @@ fn first_paragraph(text: &str) -> String {
     text.get(..end).unwrap_or_default().to_owned()
 }
 
-/// Each processor has a line of its own, behind one for all of them.
+/// Each processor has its own line, behind one for all of them.
 fn without_other_processors(text: &str) -> String {
     let is_other = |line: &&str| {
         let number = line.strip_prefix("cpu").unwrap_or_default();

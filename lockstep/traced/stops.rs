@@ -197,7 +197,7 @@ impl Tracer<'_> {
         Ok(())
     }
 
-    /// A process has a memory of its own now, or has ended: the thread that waits for that goes on.
+    /// A process has its own memory now, or has ended: the thread that waits for that goes on.
     pub(crate) fn release_parent(&mut self, pid: Tid) {
         for thread in self.tree.threads.values_mut() {
             if let Some(block) = thread.block()

@@ -119,7 +119,7 @@ impl<'a> Tracer<'a> {
             what: "cannot make a socket for the program's descriptors",
             error,
         })?;
-        // Streams of their own, apart from those of the simulation.
+        // Separate streams, apart from those of the simulation.
         let stream = |seed: u64, name: &[u8; 16]| {
             let mut bytes = [0; 32];
             bytes[..8].copy_from_slice(&seed.to_le_bytes());

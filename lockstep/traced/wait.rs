@@ -97,7 +97,7 @@ pub(crate) enum Wait {
     },
     /// Whatever another thread does; then the syscall is made again. The thread is at a syscall-exit stop.
     Again(Retried),
-    /// The child of `vfork`, until it has a memory of its own.
+    /// The child of `vfork`, until it has its own memory.
     Vfork {
         child: i32,
     },

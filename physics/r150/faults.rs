@@ -19,7 +19,7 @@ pub struct R150Faults {
     pub missing_charge: f64,
     /// Least temperature of a 12 V converter pair, °C.
     pub temperature: [Option<f64>; 2],
-    /// The power module reports a fault of its own.
+    /// The power module reports a fault in itself.
     pub power_module: bool,
     /// Fuses that are out, by their place in [`FuseId::ALL`].
     pub fuses_out: [bool; FUSES],

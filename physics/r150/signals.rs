@@ -189,7 +189,7 @@ pub struct R150Measurements {
     pub temperature: [f64; 2],
     /// The PWM inputs.
     pub pwm_in: [PwmReading; 4],
-    /// Set if the power module reports a fault of its own.
+    /// Set if the power module reports a fault in itself.
     pub power_module_fault: bool,
 }
 

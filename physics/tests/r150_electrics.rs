@@ -118,7 +118,7 @@ fn braking_feeds_the_battery() {
     let truth = bench.plant.truth();
     assert!(truth.battery_current < -3.0, "{truth:?}");
     assert!(truth.battery_voltage > 51.4);
-    // At zero duty the bridge is a short of its own and nothing reaches the bus.
+    // At zero duty the bridge is a short in itself and nothing reaches the bus.
     bench.drive(0.0, 0.0);
     bench.step();
     let truth = bench.plant.truth();

@@ -38,7 +38,7 @@ impl World {
         })
     }
 
-    /// Replaces the ground outside of the areas that have one of their own. Plants that rest must be
+    /// Replaces the ground outside of the areas that have their own. Plants that rest must be
     /// woken by their owner.
     pub fn set_ground(&mut self, ground: Ground) {
         self.ground = ground;

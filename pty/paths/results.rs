@@ -142,7 +142,7 @@ impl Results {
 }
 
 impl Place {
-    /// Writes a file of its own and moves it here, where there is nothing or something `replaceable`.
+    /// Writes a separate file and moves it here, where there is nothing or something `replaceable`.
     pub(super) fn put_file(
         &self,
         bytes: &[u8],

@@ -53,7 +53,7 @@ fn an_ordinary_user_s_port_can_be_opened_again() {
 }
 
 #[test]
-#[ignore = "run by another test in a process of its own"]
+#[ignore = "run by another test in its own process"]
 fn exclusive_flag_without_privileges() {
     assert!(!rustix::process::geteuid().is_root());
     let path = unprivileged::dir().join("r150");
@@ -100,7 +100,7 @@ fn a_replaced_link_is_not_turned() {
 }
 
 #[test]
-#[ignore = "run by another test in a process of its own"]
+#[ignore = "run by another test in its own process"]
 fn replaced_link_is_not_turned() {
     let path = unprivileged::dir().join("r150");
     let mut port = Port::open_at(&path, PtySetup::raw(115_200)).unwrap();

@@ -264,7 +264,7 @@ fn paths_that_cannot_be_are_explained() {
     assert_eq!(refused(&dir.path().join("..")).0, NotAFileName);
 }
 
-/// Runs one of the ignored tests below in a process of its own, as a user who
+/// Runs one of the ignored tests below in its own process, as a user who
 /// is not root.
 fn run_unprivileged(test: &str, dir: &Path) {
     let mut command = common::unprivileged::rerun(test, dir);
@@ -286,7 +286,7 @@ fn a_directory_that_may_not_be_written_to_is_explained() {
 }
 
 #[test]
-#[ignore = "run by another test in a process of its own"]
+#[ignore = "run by another test in its own process"]
 fn unwritable_directory() {
     let dir = common::unprivileged::dir();
     let error = Port::open_at(dir.join("closed/r150"), SETUP).unwrap_err();
@@ -331,7 +331,7 @@ fn a_killed_simulator_s_link_is_replaced() {
 }
 
 #[test]
-#[ignore = "run by another test in a process of its own"]
+#[ignore = "run by another test in its own process"]
 fn simulator_to_be_killed() {
     let dir = common::unprivileged::dir();
     let _port = Port::open_at(dir.join("r150"), SETUP).unwrap();

@@ -138,7 +138,7 @@ class Maker:
         chosen.setdefault("seed", 1)
         if scenario is not None:
             own = [
-                f"a {key} of its own"
+                f"its own {key}"
                 for key in ("rig", "world", "scenario")
                 if asked["its call of sim()"].get(key) or asked["its sim marker"].get(key)
             ]
@@ -183,7 +183,7 @@ class Maker:
         if refused:
             pytest.fail(
                 f"this test asks for {' and '.join(refused)}, and cannot have it: it runs inside `sim run`, which "
-                "has a scenario of its own. Run it with pytest alone, or put what it asks for into that scenario",
+                "has its own scenario. Run it with pytest alone, or put what it asks for into that scenario",
                 pytrace=False,
             )
         if device is not None:

@@ -90,7 +90,7 @@ impl Run {
 
     /// Adds a step, written as a `[[step]]` of scenario files: `fault = { kind = "cable-pulled" }`.
     /// Its `at` is counted from now, and if it does not say when, it begins before this returns, at
-    /// an instant of its own. Gives its index, which is another's that is over when there are too
+    /// its own instant. Gives its index, which is another's that is over when there are too
     /// many.
     ///
     /// A run does not fail because such a step never begins, or because its fault hits nothing.

@@ -114,7 +114,7 @@ impl StepState {
 }
 
 impl Run {
-    /// Plans what has a time of its own.
+    /// Plans what has a fixed time.
     pub(super) fn schedule(&mut self) {
         for (index, step) in self.scenario.steps.iter().enumerate() {
             if let Trigger::At(times) = step.trigger {

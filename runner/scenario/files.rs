@@ -21,7 +21,7 @@ pub struct ScenarioFiles {
     keys: BTreeSet<String>,
     /// The folder of the first of them that names a world file, which is relative to it.
     world_folder: PathBuf,
-    /// Set if there is a job although the first has devices of its own.
+    /// Set if there is a job although the first has its own devices.
     pub is_no_fault_file: bool,
 }
 
@@ -124,7 +124,7 @@ impl ScenarioFiles {
         let mut files = self.files.iter().cloned();
         let first = files.next().unwrap_or_default();
         if self.is_no_fault_file {
-            let why = "has devices of its own, so it is no fault file for a job";
+            let why = "has its own devices, so it is no fault file for a job";
             return Err(FileError::general(format!("{} {why}", first.file)).into());
         }
         let source = ScenarioText {

@@ -211,7 +211,7 @@ pub struct Begin<'a> {
     pub framing: Framing,
     /// What it hits.
     pub tally: &'a mut Tally,
-    /// Returns random numbers of its own for each purpose.
+    /// Returns separate random numbers for each purpose.
     pub stream: &'a dyn Fn(&str) -> Noise,
 }
 
@@ -263,7 +263,7 @@ pub trait OnBytes: Send + Sync {
         None
     }
 
-    /// Returns the adapter that the client has instead of its own.
+    /// Returns the adapter that replaces the client's.
     fn adapter(&self) -> Option<Adapter> {
         None
     }

@@ -168,7 +168,7 @@ impl Injection {
         self.wires(link).filter_map(OnBytes::baud).last()
     }
 
-    /// The adapter that a client has instead of its own.
+    /// The adapter that replaces a client's.
     pub(crate) fn adapter(&self, link: usize) -> Option<Adapter> {
         self.wires(link).filter_map(OnBytes::adapter).last()
     }

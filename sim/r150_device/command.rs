@@ -13,7 +13,7 @@ use crate::message::{Fields, Message, MessageInfo};
 /// Declares the commands of the module with their replies.
 ///
 /// Requests without fields take any parameters, as the manual writes them with `xx`. A command
-/// without a reply of its own is answered by success or failure.
+/// without its own reply is answered by success or failure.
 macro_rules! commands {
     ($(
         $(#[doc = $text:literal])+
@@ -43,7 +43,7 @@ macro_rules! commands {
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[non_exhaustive]
         pub enum Reply {
-            /// To every command that has no reply of its own, and to those that are refused.
+            /// To every command without its own reply, and to those that are refused.
             Bool {
                 /// The command answered.
                 command: u8,

@@ -96,7 +96,7 @@ impl Rig {
         self.line(port).and_then(SerialLine::next_for_client)
     }
 
-    /// Number of bytes that the line keeps for a client whose driver has no buffer of its own.
+    /// Number of bytes that the line keeps for a client whose driver has no buffer.
     #[must_use]
     pub fn space(&self, port: PortId) -> usize {
         self.line(port).map_or(0, SerialLine::space)

@@ -34,7 +34,7 @@ const FOREIGN: &[&str] = &[
     "-9223372036854775808",
 ];
 
-/// The end of a setting's range, or its default, with these numbers in the place of its own.
+/// The end of a setting's range, or its default, with these numbers in place of those in it.
 fn absurd(entry: &rigsim_settings::Entry) -> Vec<String> {
     let template = ends(entry).pop().unwrap_or_else(|| entry.default.clone());
     let is_number = |c: char| c.is_ascii_digit() || "+-.".contains(c);

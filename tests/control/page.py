@@ -175,7 +175,7 @@ def presses(browser, simulator):
     fault.get_by_label("probability").fill("7")
     fault.get_by_role("button", name="Inject").click()
     page.wait_for_selector("#faults .problem:has-text('probability')")
-    # Another device has forms of its own.
+    # Another device has its own forms.
     page.get_by_role("tab", name="car").click()
     page.fill("#find", "supply-lost")
     assert page.locator("#faults > details:visible").count() == 1

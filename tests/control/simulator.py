@@ -13,7 +13,7 @@ PATIENCE = 60
 
 
 def call(method, path, body=None, status=None, headers=None):
-    """A call on a connection of its own; the status must be this, or 200 or 201."""
+    """A call on its own connection; the status must be this, or 200 or 201."""
     connection = http.client.HTTPConnection(HOST, timeout=PATIENCE)
     headers = {"Authorization": f"Bearer {TOKEN}"} if headers is None else headers
     if body is not None and not isinstance(body, (str, bytes)):

@@ -80,7 +80,7 @@ pub struct Finished {
 }
 
 impl Sim {
-    /// Serves on a path of its own, with these further arguments, and waits until it is ready.
+    /// Serves on its own path, with these further arguments, and waits until it is ready.
     pub fn start(args: &[&str]) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let port = dir.path().join("r150");

@@ -1,4 +1,4 @@
-//! Running a test once more in a process of its own, not as root, to which exclusive ports and
+//! Running a test once more in its own process, not as root, to which exclusive ports and
 //! file permissions mean nothing.
 
 use std::fs;

@@ -1,4 +1,4 @@
-//! Results of a shard: a line of JSON for each case, in a file of its own for each attempt.
+//! Results of a shard: a line of JSON for each case, in its own file for each attempt.
 //!
 //! The file is compressed, and flushed often. A process that is killed loses what came after the last
 //! time, and every prefix can be read.

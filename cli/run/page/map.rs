@@ -8,7 +8,7 @@ use rigsim_physics::world::{Feature, FeatureKind, Shape};
 use super::frames::{Frames, Way};
 use crate::visible;
 
-/// Greatest width of the picture, and its height, in units of its own.
+/// Greatest width of the picture, and its height, in its own units.
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 480.0;
 /// Least width and height of what is shown, m.

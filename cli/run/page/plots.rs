@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::frames::{Frames, PLACE, PUBLISHED, Series, Window};
 use crate::visible;
 
-/// Size of a plot, in units of its own, and the part of it within the axes: left, top, right, bottom.
+/// Size of a plot, in its own units, and the part of it within the axes: left, top, right, bottom.
 const SIZE: [f64; 2] = [480.0, 230.0];
 const AREA: [f64; 4] = [58.0, 8.0, 468.0, 204.0];
 /// Most lines in a plot; those of a unit that has more are in several.

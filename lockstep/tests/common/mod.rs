@@ -264,7 +264,7 @@ pub fn python(code: &str) -> Option<Played> {
     python_on(Stage::default(), code)
 }
 
-/// The same on a stage of its own.
+/// The same on this stage.
 pub fn python_on(stage: Stage, code: &str) -> Option<Played> {
     let python = program("python3")?;
     let python = python.to_str().expect("a path of letters");

@@ -1,4 +1,4 @@
-//! Running a test once more in a process of its own, not as root.
+//! Running a test once more in its own process, not as root.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;

@@ -139,7 +139,7 @@ impl Checker<'_> {
         at: Range<usize>,
         device: Option<usize>,
     ) -> Option<StepAction> {
-        // A step that is added is a text of its own.
+        // A step that is added is a separate text.
         let own = element(&self.tables, "step", index);
         let own = own.unwrap_or(&self.tables).clone();
         let plan = device.map(|device| (device, &self.rig.devices[device]));

@@ -214,7 +214,7 @@ fn idle_wheels_may_be_let_go_but_not_beside_others_that_turn() {
     assert_eq!(brakes(&bench), [true, false, false, true]);
     bench.run_ms(200);
     assert_eq!(brakes(&bench), [false; 4]);
-    // A port without a wheel has a setting of its own.
+    // A port without a wheel has its own setting.
     assert!(bench.device.commands().ports[2].brake);
 }
 
