@@ -326,9 +326,9 @@ fn what_no_client_can_help_is_counted_and_not_written() {
     assert!(frozen.out.contains("fewer than "), "{}", frozen.out);
 }
 
-/// Of two faults the first gives a client the time to stop; the second alone, which is smaller, does not.
+/// Of two faults the first does nothing that matters, and the second leaves no client the time to stop.
 #[test]
-fn what_shrinks_to_what_no_client_can_help_is_not_written() {
+fn a_harmless_fault_before_one_that_no_client_can_help_changes_nothing() {
     let folder = folder();
     write(
         &folder,
@@ -339,11 +339,7 @@ fn what_shrinks_to_what_no_client_can_help_is_not_written() {
     let most = ["--seed", "1", "--runs", "60", "--output", "out"];
     let more = [&faults[..], &most].concat();
     let ended = hunt_by(&folder, "job.toml", "moving.toml", &more);
-    assert!(
-        ended.err.contains("shrinks to what no client can avoid"),
-        "{}",
-        ended.err
-    );
+    assert!(!ended.err.contains("found in run"), "{}", ended.err);
     assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
     assert!(ended.out.contains("unavoidable"), "{}", ended.out);
 }
