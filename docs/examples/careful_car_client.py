@@ -112,7 +112,7 @@ class Car:
         self.buffer = bytearray()
         self.status = None  # the last that was believed
         self.doubtful = None  # one that does not fit it
-        self.forgotten = None  # where the car was when its board began again
+        self.forgotten = None  # where the car was when its board forgot it
         self.greeted = 0.0
 
     def pass_time(self):
@@ -141,9 +141,8 @@ class Car:
             if not (self.doubtful and new.can_follow(self.doubtful)):
                 self.doubtful = new
                 return
-            if new.mile < 20 and old.mile > 120:
-                # It has begun again; the car is where it last was.
-                self.forgotten = old
+            # The board has begun again, or a spoilt packet has set its pose; the car is where it last was.
+            self.forgotten = old
         self.status, self.doubtful = new, None
 
     def statuses(self, patience_s):
@@ -222,7 +221,7 @@ class Car:
             left = (corner - getattr(status, axis)) * sign
             aside = status.y - begin.y if axis == "x" else status.x - begin.x
             if self.forgotten:
-                return "the board has restarted"
+                return "the board has lost its place"
             if not status.is_clear(axis, sign):
                 return "a person is in the way"
             # Two packets in a row may be wrong: too little to give up.
