@@ -431,6 +431,10 @@ fn several_jobs_are_searched_and_a_reference_is_played_too() {
     // The page has the map, and each finding as a report of a run shows it.
     let page = folder.read("page.html");
     assert!(page.contains("<svg") && page.contains("lock"), "{page}");
+    for part in ["Found by sim hunt in run ", "-1.toml -- python3 client.py", "seeds from 1 on"] {
+        assert!(page.contains(part), "{part}\n{page}");
+    }
+    assert!(!page.contains("hunt-") && !page.contains("A schedule of a hunt"), "{page}");
     // What a client that is trusted cannot help is attributed to no client.
     let same = with("python3 client.py", "same");
     assert_eq!(same.code(), Some(0), "{}", same.out);

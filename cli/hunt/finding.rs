@@ -1,13 +1,15 @@
 //! Findings: attributed to the client, made smaller while they break the same rule, and written.
 
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 use anyhow::anyhow;
 use maud::Markup;
 
+use crate::config;
 use crate::exit::Failure;
 use crate::print::{OutputFile, complain};
-use crate::run::case_in_full;
+use crate::run::{Case, CaseResult, case_in_full};
 use crate::visible;
 
 use super::attribution;
@@ -26,7 +28,7 @@ const MOST_PLACES: usize = 100;
 /// How the file of a finding begins, which may be replaced.
 const MARK: &str = "# Found by sim hunt in run ";
 /// Seeds with which a finding is played.
-pub(super) const SEEDS: u64 = 20;
+const SEEDS: u64 = 20;
 /// How a client's end with a code begins. It may give up so where a fault lasts longer than this, in ms.
 const GAVE_UP: &str = "the client ended with exit code";
 const GIVE_UP: u64 = 300;
@@ -89,6 +91,7 @@ impl Hunt<'_> {
             run,
             shrink_runs: self.player.asked - before,
             seeds: 0,
+            head: String::new(),
             window_ms: self.windows(&schedule, key)?,
             reference_fails: self.reference_fails(&self.frame.document(&schedule), key)?,
             schedule,
@@ -315,6 +318,7 @@ impl Hunt<'_> {
         file.write(&frame.finding(&found.schedule, &head, about, folder))?;
         complain(&format!("  {}", visible::name(&path)));
         found.file = Some(name);
+        found.head = head;
         Ok(())
     }
 
@@ -354,11 +358,18 @@ impl Hunt<'_> {
 
     /// The run of a finding, as a report of `sim run` shows it.
     pub(super) fn picture(&self, found: &Found) -> Result<Markup, Failure> {
-        let text = self.frame.document(&found.schedule);
-        self.player.trace(&text, |case, result, stop| {
+        let show = |case: &Case<'_>, result: &CaseResult, stop: &AtomicBool| {
             let shown = case_in_full(self.devices, case, result, stop);
             shown.ok_or_else(|| Failure::system(anyhow!("a finding could not be played again")))
-        })
+        };
+        match &found.file {
+            Some(name) => {
+                let path = self.player.folder.join(name);
+                let text = config::read(&path, "scenario file")?;
+                self.player.trace_of(&path, &text, show)
+            }
+            None => (self.player).trace(&self.frame.document(&found.schedule), show),
+        }
     }
 }
 

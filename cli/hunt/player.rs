@@ -186,8 +186,13 @@ impl<'a> Player<'a> {
     /// # Errors
     /// When it is not valid, as one whose fault this vehicle cannot have.
     pub(super) fn load(&self, text: &str) -> Result<Loaded, Failure> {
+        load_text(&self.path(text), text, self.given)
+    }
+
+    /// The path that a file has which exists in memory.
+    fn path(&self, text: &str) -> PathBuf {
         let name = format!("hunt-{:016x}.toml", digest(text.as_bytes()));
-        load_text(&self.folder.join(name), text, self.given)
+        self.folder.join(name)
     }
 
     /// The command that plays a file again as it is played here, when it is at this path.
@@ -316,13 +321,14 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Plays one and keeps its trace, which is read by `read`.
-    pub(super) fn trace<T>(
+    /// Plays a file that is at this path, and keeps its trace, which is read by `read`.
+    pub(super) fn trace_of<T>(
         &self,
+        path: &Path,
         text: &str,
         read: impl FnOnce(&Case<'_>, &CaseResult, &AtomicBool) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
-        let loaded = self.load(text)?;
+        let loaded = load_text(path, text, self.given)?;
         let scratch = tempfile::tempdir_in(self.scratch.path()).map_err(Failure::system)?;
         let case = Case {
             scratch: Some(scratch.path()),
@@ -333,6 +339,15 @@ impl<'a> Player<'a> {
             return Err(self.unplayed(result.why));
         }
         read(&case, &result, &self.stop)
+    }
+
+    /// The same of a file that exists in memory.
+    pub(super) fn trace<T>(
+        &self,
+        text: &str,
+        read: impl FnOnce(&Case<'_>, &CaseResult, &AtomicBool) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        self.trace_of(&self.path(text), text, read)
     }
 
     /// Takes what the client does without faults for usual.

@@ -9,7 +9,6 @@ use crate::print::{OutputFile, print};
 use crate::run::{REPORT_MARKS, report_page};
 use crate::visible::{self, lines as readable};
 
-use super::finding::SEEDS;
 use super::search::{Hunt, Tried};
 use super::space::{counted, duration};
 
@@ -188,10 +187,7 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
             h3 { (readable(&found.rule)) }
             p { (readable(&found.failure)) }
             ul { @for fault in &found.faults { li { (readable(fault)) } } }
-            p.about {
-                "Fails with " (found.seeds) " of " (SEEDS) " seeds. "
-                @if let Some(file) = &found.file { code { (readable(file)) } }
-            }
+            @for line in found.head.lines() { p.about { (readable(line.trim_start_matches("# "))) } }
             (picture)
         }
         table {
