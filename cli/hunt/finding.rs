@@ -50,7 +50,7 @@ impl Hunt<'_> {
         failure: &str,
     ) -> Result<(), Failure> {
         let of = ids(schedule);
-        let earlier = self.state.found.iter().filter(|found| found.key == key);
+        let earlier = self.state.written().filter(|found| found.key == key);
         let number = earlier.count() + 1;
         let known = self.state.per_rule.entry(key.to_owned()).or_default();
         let contains = |one: &Vec<String>| one.iter().all(|id| of.contains(id));

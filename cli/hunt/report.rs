@@ -79,11 +79,7 @@ impl Summary {
         if self.report.is_some() {
             self.pages.push(page_of(hunt)?);
         }
-        self.found += state
-            .found
-            .iter()
-            .filter(|found| found.file.is_some())
-            .count();
+        self.found += state.written().count();
         self.lines.push(text_of(hunt));
         self.results
             .write(&format!("{:#}\n", json!({ "jobs": self.jobs })))
@@ -139,13 +135,14 @@ fn text_of(hunt: &Hunt<'_>) -> String {
         text += &format!("; {} without a verdict", counted(without, "run"));
     }
     for found in &state.found {
-        let place = found
-            .file
-            .as_ref()
-            .map(|file| visible::name(&hunt.player.folder.join(file)));
-        let place = place.unwrap_or("not repeatable".to_owned());
-        let faults = found.faults.join("; ");
-        text += &format!("\nfound: {}\n  {faults}\n  {place}", found.rule);
+        let (rule, faults) = (&found.rule, found.faults.join("; "));
+        text += &match &found.file {
+            Some(file) => {
+                let place = visible::name(&hunt.player.folder.join(file));
+                format!("\nfound: {rule}\n  {faults}\n  {place}")
+            }
+            None => format!("\nseen once, not repeatable: {rule}\n  {faults}"),
+        };
     }
     for (rule, times) in &state.unavoidable {
         text += &format!(
@@ -153,7 +150,7 @@ fn text_of(hunt: &Hunt<'_>) -> String {
             counted(*times, "time")
         );
     }
-    if state.found.is_empty() {
+    if state.written().next().is_none() {
         text += "\nnothing found";
     }
     text

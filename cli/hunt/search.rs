@@ -133,6 +133,13 @@ pub(super) struct Found {
     pub(super) schedule: Vec<Fault>,
 }
 
+impl State {
+    /// The findings that are repeatable.
+    pub(super) fn written(&self) -> impl Iterator<Item = &Found> {
+        self.found.iter().filter(|found| found.file.is_some())
+    }
+}
+
 pub(super) struct Hunt<'a> {
     pub(super) devices: Devices,
     pub(super) args: &'a HuntArgs,
@@ -291,7 +298,7 @@ impl Hunt<'_> {
             self.round(*stage, round)?;
             let nearest = self.state.tried.iter().map(|tried| tried.seen.nearest());
             let nearest = nearest.fold(f64::INFINITY, f64::min);
-            let found = self.state.found.len();
+            let found = self.state.written().count();
             bar.set_position(self.state.spent);
             bar.set_message(format!("{found} found, nearest margin {nearest:.3}"));
         }
@@ -301,7 +308,7 @@ impl Hunt<'_> {
 
     /// Returns whether a finding ends the search.
     pub(super) fn is_enough(&self) -> bool {
-        self.args.fail_fast && !self.state.found.is_empty()
+        self.args.fail_fast && self.state.written().next().is_some()
     }
 
     /// The next schedules of a stage that were not played before.
