@@ -300,10 +300,16 @@ fn files_of_others_stay() {
 #[test]
 fn what_no_client_can_help_is_counted_and_not_written() {
     let folder = folder();
-    let sag = hunt(
-        &folder,
-        &["--faults", "supply-sag", "--runs", "12", "--output", "out"],
-    );
+    const RESPONSE: &str = r#"
+[[response]]
+whenever = "truth.battery_v < 45"
+then = "truth.battery_v > 90"
+within = "100 ms"
+message = "no client makes volts"
+"#;
+    write(&folder, "sag.toml", &(RULES.to_owned() + RESPONSE));
+    let more = ["--faults", "supply-sag", "--runs", "12", "--output", "out"];
+    let sag = hunt_by(&folder, "job.toml", "sag.toml", &more);
     // A sag of 10 V leaves less than 45 V, whatever a client does.
     assert_eq!(sag.code(), Some(0), "{}", sag.err);
     let unavoidable = sag.out.lines().find(|line| line.starts_with("unavoidable"));
@@ -313,6 +319,9 @@ fn what_no_client_can_help_is_counted_and_not_written() {
         sag.out
     );
     assert!(sag.out.contains("nothing found"), "{}", sag.out);
+    // However often, and whenever it began.
+    assert_eq!(sag.out.matches("no client makes volts").count(), 1, "{}", sag.out);
+    assert!(!sag.out.contains("began at"), "{}", sag.out);
     let harmless = [
         "--faults",
         "frozen-sensors",

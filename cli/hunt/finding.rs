@@ -58,7 +58,7 @@ impl Hunt<'_> {
             return Ok(());
         }
         if self.is_unavoidable(schedule, key)? {
-            self.count_unavoidable(failure);
+            self.count_unavoidable(key, failure);
             return Ok(());
         }
         let words: Vec<String> = schedule.iter().map(Fault::words).collect();
@@ -73,7 +73,7 @@ impl Hunt<'_> {
         if is_unavoidable {
             complain("  it shrinks to what no client can avoid");
             known.push(of);
-            self.count_unavoidable(failure);
+            self.count_unavoidable(key, failure);
             return Ok(());
         }
         if known.contains(&shrunk) {
@@ -101,9 +101,10 @@ impl Hunt<'_> {
         Ok(())
     }
 
-    fn count_unavoidable(&mut self, failure: &str) {
-        let rule = rule_of(failure).to_owned();
-        *self.state.unavoidable.entry(rule).or_default() += 1;
+    fn count_unavoidable(&mut self, key: &str, failure: &str) {
+        let first = || (rule_of(failure).to_owned(), 0);
+        let all = self.state.unavoidable.entry(key.to_owned());
+        all.or_insert_with(first).1 += 1;
     }
 
     /// Returns whether the rule is attributed to the fault, and not to the client: an ideal operator and
@@ -381,7 +382,9 @@ fn may_end(schedule: &[Fault], key: &str) -> bool {
 /// The rule of a failure in words, without the time and the values that it was found by.
 fn rule_of(failure: &str) -> &str {
     let what = failure.split_once(": ").map_or(failure, |(_, what)| what);
-    what.split(", but ").next().unwrap_or(what)
+    let ends = [", but ", " began at ", " × ", ", first at "];
+    let ends = ends.iter().filter_map(|end| what.find(end));
+    &what[..ends.min().unwrap_or(what.len())]
 }
 
 fn ids(schedule: &[Fault]) -> Vec<String> {

@@ -1,5 +1,7 @@
 //! What a hunt says: the summary, `hunt.json` and the page.
 
+use std::collections::BTreeMap;
+
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
@@ -72,7 +74,7 @@ impl Summary {
             "stages": state.counts,
             "reactions": hunt.reactions(),
             "findings": state.found,
-            "unavoidable": state.unavoidable,
+            "unavoidable": state.unavoidable.values().cloned().collect::<BTreeMap<_, _>>(),
             "moments": moments.collect::<Vec<_>>(),
             "tried": tried.collect::<Vec<_>>(),
         }));
@@ -144,7 +146,7 @@ fn text_of(hunt: &Hunt<'_>) -> String {
             None => format!("\nseen once, not repeatable: {rule}\n  {faults}"),
         };
     }
-    for (rule, times) in &state.unavoidable {
+    for (rule, times) in state.unavoidable.values() {
         text += &format!(
             "\nunavoidable for any client, {}: {rule}",
             counted(*times, "time")

@@ -106,7 +106,8 @@ pub(super) struct State {
     pub(super) found: Vec<Found>,
     /// Kinds that broke each rule, as they were found and made smaller.
     pub(super) per_rule: BTreeMap<String, Vec<Vec<String>>>,
-    pub(super) unavoidable: BTreeMap<String, u64>,
+    /// By key: the rule in words, and how often.
+    pub(super) unavoidable: BTreeMap<String, (String, u64)>,
     pub(super) counts: BTreeMap<StageArg, Count>,
 }
 
