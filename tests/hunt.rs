@@ -324,7 +324,7 @@ message = "no client makes volts"
     assert!(!sag.out.contains("began at"), "{}", sag.out);
     let harmless = [
         "--faults",
-        "frozen-sensors",
+        "frozen-sensors,press",
         "--runs",
         "12",
         "--output",
@@ -333,6 +333,8 @@ message = "no client makes volts"
     let frozen = hunt(&folder, &harmless);
     assert_eq!(frozen.code(), Some(0), "{}", frozen.err);
     assert!(frozen.out.contains("fewer than "), "{}", frozen.out);
+    let tried = folder.read("harmless/hunt.json");
+    assert!(tried.contains(r#"press (\"forward\") for"#), "{tried}");
 }
 
 /// Of two faults the first does nothing that matters, and the second leaves no client the time to stop.

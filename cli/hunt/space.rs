@@ -82,9 +82,9 @@ impl Fault {
     /// What the action says beside its kind, as in a scenario file.
     fn parameters(&self) -> Option<&str> {
         let (_, behind) = self.action.split_once(self.kind)?;
-        let all = behind
-            .trim_end_matches(" }")
-            .trim_start_matches(['"', ',', '=', ' ']);
+        let all = behind.strip_suffix(" }").unwrap_or(behind);
+        let all = all.strip_prefix('"').unwrap_or(all);
+        let all = all.trim_start_matches([',', '=', ' ']);
         Some(all).filter(|all| !all.is_empty())
     }
 
