@@ -300,14 +300,14 @@ fn files_of_others_stay() {
 #[test]
 fn what_no_client_can_help_is_counted_and_not_written() {
     let folder = folder();
-    const RESPONSE: &str = r#"
+    let response = r#"
 [[response]]
 whenever = "truth.battery_v < 45"
 then = "truth.battery_v > 90"
 within = "100 ms"
 message = "no client makes volts"
 "#;
-    write(&folder, "sag.toml", &(RULES.to_owned() + RESPONSE));
+    write(&folder, "sag.toml", &(RULES.to_owned() + response));
     let more = ["--faults", "supply-sag", "--runs", "12", "--output", "out"];
     let sag = hunt_by(&folder, "job.toml", "sag.toml", &more);
     // A sag of 10 V leaves less than 45 V, whatever a client does.
@@ -320,7 +320,12 @@ message = "no client makes volts"
     );
     assert!(sag.out.contains("nothing found"), "{}", sag.out);
     // However often, and whenever it began.
-    assert_eq!(sag.out.matches("no client makes volts").count(), 1, "{}", sag.out);
+    assert_eq!(
+        sag.out.matches("no client makes volts").count(),
+        1,
+        "{}",
+        sag.out
+    );
     assert!(!sag.out.contains("began at"), "{}", sag.out);
     let harmless = [
         "--faults",
@@ -442,10 +447,17 @@ fn several_jobs_are_searched_and_a_reference_is_played_too() {
     // The page has the map, and each finding as a report of a run shows it.
     let page = folder.read("page.html");
     assert!(page.contains("<svg") && page.contains("lock"), "{page}");
-    for part in ["Found by sim hunt in run ", "-1.toml -- python3 client.py", "seeds from 1 on"] {
+    for part in [
+        "Found by sim hunt in run ",
+        "-1.toml -- python3 client.py",
+        "seeds from 1 on",
+    ] {
         assert!(page.contains(part), "{part}\n{page}");
     }
-    assert!(!page.contains("hunt-") && !page.contains("A schedule of a hunt"), "{page}");
+    assert!(
+        !page.contains("hunt-") && !page.contains("A schedule of a hunt"),
+        "{page}"
+    );
     // What a client that is trusted cannot help is attributed to no client.
     let same = with("python3 client.py", "same");
     assert_eq!(same.code(), Some(0), "{}", same.out);
@@ -515,6 +527,14 @@ fn what_cannot_be_searched_is_refused() {
     write(&folder, "none.toml", "title = \"None\"\n");
     let none = hunt(&folder, &["--rules", "none.toml"]);
     none.expect_refusal(2, &["none.toml", "no rule itself"]);
+    let step = r#"
+[[step]]
+name = "hunted 1"
+at = "1 s"
+fault = { kind = "mute" }
+"#;
+    write(&folder, "found.toml", &(JOB.to_owned() + step));
+    hunt_in(&folder, "found.toml", &[]).expect_refusal(2, &["found.toml", "hunted 1", "rename it"]);
     let second = hunt(&folder, &["--stages", "further"]);
     second.expect_refusal(2, &["add single or random"]);
     assert!(!folder.path().join("hunt").exists());

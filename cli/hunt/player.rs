@@ -30,7 +30,7 @@ use super::space::step_name;
 /// Most moments of reaction of a run.
 const MOST_REACTIONS: usize = 8;
 /// Most faults of a schedule.
-const MOST_FAULTS: usize = 4;
+pub(super) const MOST_FAULTS: usize = 4;
 /// Most transitions that tell how a client reacted.
 const MOST_TRANSITIONS: usize = 64;
 /// Runs of a journal that are played again, since what the client consists of is not known.

@@ -18,7 +18,7 @@ use crate::recording;
 use crate::scenario_files::Loaded;
 
 use super::moments::{Moment, Samples};
-use super::player::{Player, Seen, records};
+use super::player::{MOST_FAULTS, Player, Seen, records};
 use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, counted, kinds, step_name};
 
 /// Most runs of a round. What is played next depends on whole rounds only.
@@ -157,6 +157,14 @@ impl Hunt<'_> {
     /// Plays the job twice without faults, finds its moments, and the faults that its devices can have.
     pub(super) fn begin(&mut self) -> Result<(), Failure> {
         let usage = |why| Err(Failure::usage(why));
+        let name = self.job.name();
+        let run = self.job.run(RunOptions::scripted(self.player.seed))?;
+        let mut names = (0..MOST_FAULTS).map(step_name);
+        if let Some(step) = names.find(|step| run.step_named(step).is_some()) {
+            return usage(anyhow!(
+                "{name} has a step \"{step}\", as the faults of a hunt are named, which would replace it; rename it"
+            ));
+        }
         let text = self.frame.document(&[]);
         if let Err(failure) = self.player.load(&text) {
             return usage(failure.error.context("the job with these rules"));
@@ -188,7 +196,6 @@ impl Hunt<'_> {
             kind.retain(|fault| self.can_have(fault));
         }
         all.retain(|kind| !kind.forms.is_empty());
-        let name = self.job.name();
         if all.is_empty() {
             return usage(anyhow!(
                 "{name} has none of these kinds of faults; `sim faults` lists them"
