@@ -97,7 +97,9 @@ fn hunt_in(folder: &Folder, job: &str, more: &[&str]) -> Finished {
 }
 
 fn hunt_by(folder: &Folder, job: &str, rules: &str, more: &[&str]) -> Finished {
-    let all = ["hunt", job, "--rules", rules, "--shrink-runs", "40"];
+    let shrink = ["--shrink-runs", "40"];
+    let shrink = if more.contains(&shrink[0]) { &[] } else { &shrink[..] };
+    let all = [&["hunt", job, "--rules", rules], shrink].concat();
     let output = command()
         .args([&all, more, &["--", "python3", "client.py"]].concat())
         .current_dir(folder.path())
@@ -282,13 +284,14 @@ fn files_of_others_stay() {
     let name = "hunt/it-drives-although-it-is-locked-never-mode-locked-firmware-m";
     let [first, second] = [1, 2].map(|number| format!("{name}-{number}.toml"));
     write(&folder, &first, "mine");
-    let found = hunt(&[]);
+    let found = hunt(&["--shrink-runs", "5"]);
     assert_eq!(found.code(), Some(1), "{}", found.err);
     assert_eq!(folder.read(&first), "mine");
     let again = format!(
         "# Play it again: sim run --seed 1 --set 'r150.over_rate=silent' {second} -- python3 client.py\n"
     );
     let written = folder.read(&second);
+    assert!(written.contains("in 5 runs; the budget of --shrink-runs ended"), "{written}");
     assert!(written.contains(&again), "{again}\n{written}");
     // One of an earlier hunt is replaced.
     assert_eq!(hunt(&[]).code(), Some(1));

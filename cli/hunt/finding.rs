@@ -148,19 +148,24 @@ impl Hunt<'_> {
     fn shrink(&mut self, schedule: &[Fault], key: &str) -> Result<(Vec<Fault>, bool), Failure> {
         let until = self.player.asked + u64::from(self.args.shrink_runs);
         let mut best = schedule.to_vec();
-        'smaller: loop {
-            for candidates in self.candidates(&best)?.chunks(AT_ONCE) {
-                if self.player.asked >= until {
+        'smaller: while self.player.asked < until {
+            let mut candidates = self.candidates(&best)?;
+            while !candidates.is_empty() {
+                let left = until.saturating_sub(self.player.asked);
+                let most = usize::try_from(left).map_or(AT_ONCE, |left| left.min(AT_ONCE));
+                if most == 0 {
                     return Ok((best, true));
                 }
-                let breaks = self.which_break(candidates, key)?;
+                let next: Vec<_> = candidates.drain(..most.min(candidates.len())).collect();
+                let breaks = self.which_break(&next, key)?;
                 if let Some(index) = breaks.iter().position(|breaks| *breaks) {
-                    best.clone_from(&candidates[index]);
+                    best.clone_from(&next[index]);
                     continue 'smaller;
                 }
             }
             return Ok((best, false));
         }
+        Ok((best, true))
     }
 
     /// When the faults of a schedule begin.
