@@ -409,6 +409,8 @@ fn an_exit_code_counts_where_no_fault_lasts() {
     let (patient, job) = gives_up("5", "mute");
     assert_eq!(patient.code(), Some(0), "{}{}", patient.err, patient.out);
     assert!(job["unavoidable"][RULE].as_u64() > Some(0), "{job:#}");
+    assert!(patient.out.contains("the client gave up where a fault lasts, "), "{}", patient.out);
+    assert!(!patient.out.contains("for any client"), "{}", patient.out);
 }
 
 #[test]

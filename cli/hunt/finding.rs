@@ -30,7 +30,7 @@ const MARK: &str = "# Found by sim hunt in run ";
 /// Seeds with which a finding is played.
 const SEEDS: u64 = 20;
 /// How a client's end with a code begins. It may give up so where a fault lasts longer than this, in ms.
-const GAVE_UP: &str = "the client ended with exit code";
+pub(super) const GAVE_UP: &str = "the client ended with exit code";
 const GIVE_UP: u64 = 300;
 /// How failures begin that are the client's in any case.
 const OWN: [&str; 2] = ["the client", "it was still"];

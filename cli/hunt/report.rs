@@ -11,6 +11,7 @@ use crate::print::{OutputFile, print};
 use crate::run::{REPORT_MARKS, report_page};
 use crate::visible::{self, lines as readable};
 
+use super::finding::GAVE_UP;
 use super::search::{Hunt, Tried};
 use super::space::{counted, duration};
 
@@ -146,11 +147,13 @@ fn text_of(hunt: &Hunt<'_>) -> String {
             None => format!("\nseen once, not repeatable: {rule}\n  {faults}"),
         };
     }
-    for (rule, times) in state.unavoidable.values() {
-        text += &format!(
-            "\nunavoidable for any client, {}: {rule}",
-            counted(*times, "time")
-        );
+    for (key, (rule, times)) in &state.unavoidable {
+        let what = if key.starts_with(GAVE_UP) {
+            "the client gave up where a fault lasts"
+        } else {
+            "unavoidable for any client"
+        };
+        text += &format!("\n{what}, {}: {rule}", counted(*times, "time"));
     }
     if state.written().next().is_none() {
         text += "\nnothing found";
