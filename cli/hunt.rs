@@ -15,6 +15,7 @@ use std::ffi::OsString;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Args as _, FromArgMatches as _};
+use indicatif::ProgressBar;
 use rigsim_core::device::Devices;
 use rigsim_core::effect::catalogue;
 use rigsim_core::noise::Noise;
@@ -86,6 +87,7 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
                 .transpose()?,
             budget: (u64::from(args.runs) / jobs.len() as u64).max(1),
             noise: Noise::new(args.seed, "hunt"),
+            bar: ProgressBar::hidden(),
             state: State::default(),
         };
         hunt.begin()?;

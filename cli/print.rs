@@ -44,6 +44,11 @@ pub(crate) fn progress(count: u64, form: &str) -> indicatif::ProgressBar {
     bar
 }
 
+/// The same above a bar that is not full yet.
+pub(crate) fn complain_above(bar: &indicatif::ProgressBar, text: &str) {
+    bar.suspend(|| complain(text));
+}
+
 /// Refuses flags that name the same file.
 pub(crate) fn refuse_same_file<const N: usize>(
     flags: [(&str, &Option<PathBuf>); N],

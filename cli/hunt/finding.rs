@@ -8,7 +8,7 @@ use maud::Markup;
 
 use crate::config;
 use crate::exit::Failure;
-use crate::print::{OutputFile, complain};
+use crate::print::{OutputFile, complain_above};
 use crate::run::{Case, CaseResult, case_in_full};
 use crate::visible;
 
@@ -63,7 +63,7 @@ impl Hunt<'_> {
         }
         let words: Vec<String> = schedule.iter().map(Fault::words).collect();
         let words = words.join("\n  ");
-        complain(&format!("found in run {run}, now made smaller:\n  {words}"));
+        complain_above(&self.bar, &format!("found in run {run}, now made smaller:\n  {words}"));
         let before = self.player.asked;
         let (schedule, is_cut) = self.shrink(schedule, key)?;
         // A smaller one may leave the client no way out, where the whole one did.
@@ -71,13 +71,13 @@ impl Hunt<'_> {
         let known = self.state.per_rule.entry(key.to_owned()).or_default();
         let shrunk = ids(&schedule);
         if is_unavoidable {
-            complain("  it shrinks to what no client can avoid");
+            complain_above(&self.bar, "  it shrinks to what no client can avoid");
             known.push(of);
             self.count_unavoidable(key, failure);
             return Ok(());
         }
         if known.contains(&shrunk) {
-            complain("  it shrinks to a finding before");
+            complain_above(&self.bar, "  it shrinks to a finding before");
             known.push(of);
             return Ok(());
         }
@@ -156,6 +156,7 @@ impl Hunt<'_> {
                 if most == 0 {
                     return Ok((best, true));
                 }
+                self.bar.set_message(format!("made smaller, at most {left} runs more"));
                 let next: Vec<_> = candidates.drain(..most.min(candidates.len())).collect();
                 let breaks = self.which_break(&next, key)?;
                 if let Some(index) = breaks.iter().position(|breaks| *breaks) {
@@ -271,7 +272,7 @@ impl Hunt<'_> {
         let first = self.player.play_again(&plain)?;
         let again = self.player.play_again(&plain)?;
         let Some(failure) = first.broken.get(key).filter(|_| first.trace == again.trace) else {
-            complain("  it could not be played twice with the same result, and is not written");
+            complain_above(&self.bar, "  it could not be played twice with the same result, and is not written");
             return Ok(());
         };
         found.failure.clone_from(failure);
@@ -322,7 +323,7 @@ impl Hunt<'_> {
         let title = format!("{} breaks a rule", ids(&found.schedule).join(" and "));
         let about = (title.as_str(), &*format!("{words}. Then {rule}."));
         file.write(&frame.finding(&found.schedule, &head, about, folder))?;
-        complain(&format!("  {}", visible::name(&path)));
+        complain_above(&self.bar, &format!("  {}", visible::name(&path)));
         found.file = Some(name);
         found.head = head;
         Ok(())

@@ -64,14 +64,21 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Smallest margin of a rule, infinite if none was judged.
-    pub(super) fn nearest(&self) -> f64 {
+    /// The margins of rules that came nearer to being broken than in another run.
+    pub(super) fn nearer<'s>(&'s self, usual: &'s Self) -> impl Iterator<Item = (&'s String, f64)> {
+        let margins = self.margins.iter().map(|(rule, margin)| (rule, *margin));
+        margins.filter(|(rule, margin)| usual.margins.get(*rule).is_some_and(|usual| usual > margin))
+    }
+
+    /// The smallest of these: 0 if a rule was broken, infinite if none came nearer.
+    pub(super) fn nearest(&self, usual: &Self) -> f64 {
         let broken = if self.broken.is_empty() {
             f64::INFINITY
         } else {
             0.0
         };
-        self.margins.values().copied().fold(broken, f64::min)
+        let nearer = self.nearer(usual).map(|(_, margin)| margin);
+        nearer.fold(broken, f64::min)
     }
 
     /// Returns whether a fault of the schedule did something.

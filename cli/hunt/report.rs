@@ -65,7 +65,7 @@ impl Summary {
                 "faults": words.collect::<Vec<_>>(),
                 "moment": tried.planned.cell.map(|(.., moment)| moment),
                 "hit": tried.seen.hits(),
-                "margin": tried.seen.nearest(),
+                "margin": tried.seen.nearest(&state.usual),
             })
         });
         self.jobs.push(json!({
@@ -179,8 +179,8 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
         all.peek()?;
         let margins = all
             .filter(|tried| tried.seen.hits())
-            .map(|tried| tried.seen.nearest());
-        Some(margins.fold(f64::INFINITY, f64::min))
+            .map(|tried| tried.seen.nearest(&state.usual));
+        Some(margins.reduce(f64::min))
     };
     Ok(html! {
         h2 { (readable(&hunt.job.name())) }
@@ -191,6 +191,10 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
             ul { @for fault in &found.faults { li { (readable(fault)) } } }
             @for line in found.head.lines() { p.about { (readable(line.trim_start_matches("# "))) } }
             (picture)
+        }
+        p.about {
+            "A number is the margin of a rule that came nearer to being broken than without faults. Green without "
+            "one: no rule did. –: the fault hit nothing. Empty: not tried."
         }
         table {
             thead {
@@ -206,12 +210,12 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
                     td { (kind.info.id) @if has_several { " of " (readable(&kind.device)) } }
                     @for column in 0..state.moments.len() {
                         @match margin(row, column) {
-                            Some(margin) if margin.is_finite() => {
+                            Some(Some(margin)) => {
                                 td.number style=(format!("background:hsl({:.0} 70% 75%)", 120.0 * margin.min(1.0))) {
-                                    (format!("{margin:.2}"))
+                                    @if margin.is_finite() { (format!("{margin:.2}")) }
                                 }
                             }
-                            Some(_) => { td.number { "–" } }
+                            Some(None) => { td.number { "–" } }
                             None => { td {} }
                         }
                     }

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Error, anyhow};
+use indicatif::ProgressBar;
 use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::line::Wire;
@@ -96,7 +97,9 @@ pub(super) struct State {
     pub(super) spent: u64,
     pub(super) tried: Vec<Tried>,
     /// Without faults.
-    usual: Seen,
+    pub(super) usual: Seen,
+    /// The smallest margin of each rule that came nearer than that.
+    nearest: BTreeMap<String, f64>,
     /// Digests of what was played, and of what the client sent.
     planned: BTreeSet<u64>,
     sent: BTreeSet<u64>,
@@ -150,6 +153,7 @@ pub(super) struct Hunt<'a> {
     pub(super) reference: Option<Player<'a>>,
     pub(super) budget: u64,
     pub(super) noise: Noise,
+    pub(super) bar: ProgressBar,
     pub(super) state: State,
 }
 
@@ -279,8 +283,8 @@ impl Hunt<'_> {
 
     /// Plays rounds of the stages until the budget is spent or nothing is left.
     pub(super) fn search(&mut self) -> Result<(), Failure> {
-        let form = "{bar:30} {pos}/{len} runs, {msg}, {eta} left";
-        let bar = progress(self.budget, form);
+        let form = "{bar:30} {pos}/{len} runs, {eta} left, {msg}";
+        self.bar = progress(self.budget, form);
         let asked = &self.args.stages;
         let mut stages = STAGES.to_vec();
         stages.retain(|(stage, _)| asked.is_empty() || asked.contains(stage));
@@ -304,13 +308,15 @@ impl Hunt<'_> {
             });
             let Some((stage, _)) = next else { break };
             self.round(*stage, round)?;
-            let nearest = self.state.tried.iter().map(|tried| tried.seen.nearest());
-            let nearest = nearest.fold(f64::INFINITY, f64::min);
             let found = self.state.written().count();
-            bar.set_position(self.state.spent);
-            bar.set_message(format!("{found} found, nearest margin {nearest:.3}"));
+            let all = self.state.nearest.iter().filter(|(_, margin)| **margin > 0.0);
+            let nearest = all.min_by(|(_, one), (_, other)| one.total_cmp(other));
+            let nearest = nearest.map(|(rule, margin)| format!(", margin {margin:.3} of {rule}"));
+            self.bar.set_position(self.state.spent);
+            let nearest = nearest.unwrap_or_default();
+            self.bar.set_message(format!("{found} found{nearest}"));
         }
-        bar.finish_and_clear();
+        self.bar.finish_and_clear();
         Ok(())
     }
 
@@ -364,12 +370,12 @@ impl Hunt<'_> {
 
     fn learn(&mut self, planned: Planned, seen: Seen) {
         let state = &mut self.state;
-        let usual = &state.usual.margins;
         let is_new = state.sent.insert(seen.sent) && seen.hits();
-        let is_nearer = seen
-            .margins
-            .iter()
-            .any(|(rule, margin)| usual.get(rule) > Some(margin));
+        let is_nearer = seen.nearer(&state.usual).next().is_some();
+        for (rule, margin) in seen.nearer(&state.usual) {
+            let nearest = state.nearest.entry(rule.clone()).or_insert(margin);
+            *nearest = nearest.min(margin);
+        }
         let gain = f64::from(u8::from(is_new || is_nearer));
         if let Some((kind, form, moment)) = planned.cell {
             let column = &mut state.columns[kind];
