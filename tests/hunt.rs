@@ -140,6 +140,18 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
     ] {
         assert!(written.contains(part), "{part}\n{written}");
     }
+    // The results say of every schedule what came of it.
+    let failed = job["tried"].as_array().unwrap().iter();
+    let failed = failed.filter(|one| one["margin"] == 0.0).collect::<Vec<_>>();
+    assert!(!failed.is_empty(), "{text}");
+    for one in failed {
+        assert_eq!(one["kinds"][0], "lock", "{one}");
+        assert!(one["broken"][0].as_str().unwrap().contains("locked"), "{one}");
+        let nearer = one["nearer"].as_object().unwrap();
+        assert!(nearer.keys().all(|rule| rule.contains("locked")), "{one}");
+        assert!(one["error"].is_null(), "{one}");
+    }
+    assert_eq!(job["margins"].as_object().unwrap().len(), 2, "{text}");
     // Of the two further rules it has only the one that is broken.
     assert!(!written.contains("no client can help"), "{written}");
     // What is printed has the whole finding once.

@@ -61,16 +61,22 @@ impl Summary {
             moments.map(|one| json!({ "at_ms": one.at, "trigger": one.trigger.to_string() }));
         let tried = state.tried.iter().map(|tried| {
             let words = tried.planned.schedule.iter().map(|fault| fault.words());
+            let kinds = tried.planned.schedule.iter().map(|fault| fault.kind);
             json!({
+                "kinds": kinds.collect::<Vec<_>>(),
                 "faults": words.collect::<Vec<_>>(),
                 "moment": tried.planned.cell.map(|(.., moment)| moment),
                 "hit": tried.seen.hits(),
                 "margin": tried.seen.nearest(&state.usual),
+                "nearer": tried.seen.nearer(&state.usual).collect::<BTreeMap<_, _>>(),
+                "broken": tried.seen.broken.values().collect::<Vec<_>>(),
+                "error": tried.seen.error,
             })
         });
         self.jobs.push(json!({
             "job": visible::path_value(&hunt.job.path),
             "seed": hunt.player.seed,
+            "margins": state.usual.margins,
             "runs": state.spent,
             "stages": state.counts,
             "reactions": hunt.reactions(),
