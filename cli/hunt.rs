@@ -51,10 +51,15 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
     let given = Given::new(base, &none, &args.settings.set)?;
     let jobs = load_all(&given, &find(&args.jobs, None)?)?;
     let mut rules = toml::Table::new();
+    let mut files = Vec::new();
     for path in &args.rules {
-        let added = add_rules(&mut rules, &config::read(path, "file of rules")?);
-        let added = added.with_context(|| visible::name(path));
-        added.map_err(Failure::usage)?;
+        let (name, text) = (visible::name(path), config::read(path, "file of rules")?);
+        let mut alone = toml::Table::new();
+        for table in [&mut rules, &mut alone] {
+            let added = add_rules(table, &text).with_context(|| name.clone());
+            added.map_err(Failure::usage)?;
+        }
+        files.push((name, alone));
     }
     let begins = |stage: &StageArg| matches!(stage, StageArg::Single | StageArg::Random);
     if !args.stages.is_empty() && !args.stages.iter().any(begins) {
@@ -90,6 +95,10 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
             bar: ProgressBar::hidden(),
             state: State::default(),
         };
+        for (name, rules) in &files {
+            let alone = Frame::new(&job.path, &job.scenario.title, rules);
+            hunt.player.check(&alone.document(&[]), name)?;
+        }
         hunt.begin()?;
         hunts.push(hunt);
     }

@@ -552,6 +552,11 @@ fault = { kind = "mute" }
 "#;
     write(&folder, "found.toml", &(JOB.to_owned() + step));
     hunt_in(&folder, "found.toml", &[]).expect_refusal(2, &["found.toml", "hunted 1", "rename it"]);
+    let rules = "[[never]]\nthat = \"truth.nosuch > 1\"\nsince = 3\n";
+    write(&folder, "misspelt.toml", rules);
+    let misspelt = hunt(&folder, &["--rules", "misspelt.toml"]);
+    misspelt.expect_refusal(2, &["misspelt.toml: `never.that`: no name", "misspelt.toml: `never.since`"]);
+    assert!(!misspelt.err.contains("hunt-"), "{}", misspelt.err);
     let second = hunt(&folder, &["--stages", "further"]);
     second.expect_refusal(2, &["add single or random"]);
     assert!(!folder.path().join("hunt").exists());

@@ -196,6 +196,20 @@ impl<'a> Player<'a> {
         load_text(&self.path(text), text, self.given)
     }
 
+    /// Makes sure that a file can be played. What is wrong with it is said of `what`, since there is no such file.
+    pub(super) fn check(&self, text: &str, what: &str) -> Result<(), Failure> {
+        let Err(failure) = self.load(text) else {
+            return Ok(());
+        };
+        let file = visible::name(&self.path(text));
+        let shown = format!("{:#}", failure.error);
+        let lines = shown.lines().map(|line| {
+            let behind = line.strip_prefix(&file).and_then(|at| at.split_once(": "));
+            behind.map_or_else(|| line.to_owned(), |(_, why)| format!("{what}: {why}"))
+        });
+        Err(Failure::usage(anyhow!(lines.collect::<Vec<_>>().join("\n"))))
+    }
+
     /// The path that a file has which exists in memory.
     fn path(&self, text: &str) -> PathBuf {
         let name = format!("hunt-{:016x}.toml", digest(text.as_bytes()));

@@ -170,9 +170,7 @@ impl Hunt<'_> {
             ));
         }
         let text = self.frame.document(&[]);
-        if let Err(failure) = self.player.load(&text) {
-            return usage(failure.error.context("the job with these rules"));
-        }
+        self.player.check(&text, "the job with these rules")?;
         let first = without_faults(&mut self.player, &text, "the client", Failure::system)?;
         let again = self.player.play_again(&text)?;
         if first.trace != again.trace {
