@@ -248,6 +248,7 @@ fn a_hunt_that_was_aborted_goes_on_unless_the_client_has_changed() {
     assert_eq!(code, Some(3), "{err}");
     assert!(err.contains("lets the same command go on"), "{err}");
     assert_eq!(lines(), 6);
+    assert_eq!(folder.read("out/hunt.json"), "{\n  \"jobs\": []\n}\n");
     // What it does when the port is gone cannot be seen in the run without faults.
     write(&folder, "ends.py", "def end():\n    raise SystemExit(3)\n");
     let (code, err) = play("out");
@@ -305,8 +306,13 @@ fn files_of_others_stay() {
     let written = folder.read(&second);
     assert!(written.contains("in 5 runs; the budget of --shrink-runs ended"), "{written}");
     assert!(written.contains(&again), "{again}\n{written}");
-    // One of an earlier hunt is replaced.
-    assert_eq!(hunt(&[]).code(), Some(1));
+    // One of an earlier hunt is replaced, and so is its journal.
+    write(&folder, "hunt/journal.jsonl", "{\"hunt\":\"0\"}\n");
+    let other = hunt(&[]);
+    assert_eq!(other.code(), Some(1));
+    for part in ["journal.jsonl is of another hunt", "in the place of an earlier hunt's"] {
+        assert!(other.err.contains(part), "{part}\n{}", other.err);
+    }
     assert!(folder.read(&second).contains(&again));
     assert!(!folder.path().join(format!("{name}-3.toml")).exists());
     assert_eq!(folder.read("page.html"), "mine");

@@ -295,6 +295,10 @@ impl Hunt<'_> {
         };
         let folder = &self.player.folder;
         let (name, path, file) = self.place(rule)?;
+        let replaced = match path.exists() {
+            true => ", in the place of an earlier hunt's",
+            false => "",
+        };
         let command = self.player.command(&plain, &path)?;
         let mut head = format!(
             "{MARK}{run}, made smaller in {shrink_runs} runs{cut}.\n\
@@ -323,7 +327,7 @@ impl Hunt<'_> {
         let title = format!("{} breaks a rule", ids(&found.schedule).join(" and "));
         let about = (title.as_str(), &*format!("{words}. Then {rule}."));
         file.write(&frame.finding(&found.schedule, &head, about, folder))?;
-        complain_above(&self.bar, &format!("  {}", visible::name(&path)));
+        complain_above(&self.bar, &format!("  {}{replaced}", visible::name(&path)));
         found.file = Some(name);
         found.head = head;
         Ok(())

@@ -21,6 +21,7 @@ use crate::args::RunArgs;
 use crate::digest::digest;
 use crate::exit::Failure;
 use crate::json_lines::Lines;
+use crate::print::complain;
 use crate::run::{Case, CaseResult, Plan, Verdict, play_quietly, signature, stop_by_signals};
 use crate::scenario_files::{Given, Loaded, load_text};
 use crate::visible;
@@ -153,6 +154,9 @@ impl<'a> Player<'a> {
         let journal = Results::at(&path, &["{\"hunt\":\""]).and_then(Results::into_log);
         let mut journal = journal.with_context(cannot).map_err(Failure::usage)?;
         let (whole, runs) = read_journal(&journal, &head);
+        if whole == 0 && journal.metadata().is_ok_and(|found| found.len() > 0) {
+            complain(&format!("{} is of another hunt, which cannot go on now", visible::name(&path)));
+        }
         self.journaled = runs;
         let begun = journal.set_len(whole).and_then(|()| match whole {
             0 => writeln!(journal, "{head}"),

@@ -16,7 +16,7 @@ use super::search::{Hunt, Tried};
 use super::space::{counted, duration};
 
 /// By these a `hunt.json` is known, which may be replaced.
-const RESULT_MARKS: &[&str] = &["{\n  \"jobs\": [\n    {\n      \"findings\": ["];
+const RESULT_MARKS: &[&str] = &["{\n  \"jobs\": [\n    {\n      \"findings\": [", "{\n  \"jobs\": []"];
 
 /// What all jobs of a hunt came to.
 pub(super) struct Summary {
@@ -44,10 +44,10 @@ impl Summary {
         })
     }
 
-    /// Empties what an earlier hunt has written, before the search of the first job.
+    /// Replaces what an earlier hunt has written, before the search of the first job.
     pub(super) fn begin(&self) -> Result<(), Failure> {
         if self.jobs.is_empty() {
-            self.results.clear()?;
+            self.write()?;
             self.report.as_ref().map_or(Ok(()), OutputFile::clear)?;
         }
         Ok(())
@@ -90,8 +90,12 @@ impl Summary {
         }
         self.found += state.written().count();
         self.lines.push(text_of(hunt));
-        self.results
-            .write(&format!("{:#}\n", json!({ "jobs": self.jobs })))
+        self.write()
+    }
+
+    fn write(&self) -> Result<(), Failure> {
+        let text = format!("{:#}\n", json!({ "jobs": self.jobs }));
+        self.results.write(&text)
     }
 
     /// Prints all, and writes the page.
