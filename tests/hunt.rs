@@ -294,7 +294,7 @@ fn files_of_others_stay() {
     hunt(&[]).expect_refusal(2, &["journal.jsonl", "another simulator is using"]);
     assert_eq!(folder.read("hunt/hunt.json"), earlier);
     drop(journal);
-    let name = "hunt/it-drives-although-it-is-locked-never-mode-locked-firmware-m";
+    let name = "hunt/it-drives-although-it-is-locked";
     let [first, second] = [1, 2].map(|number| format!("{name}-{number}.toml"));
     write(&folder, &first, "mine");
     let found = hunt(&["--shrink-runs", "5"]);
@@ -545,6 +545,7 @@ fn what_cannot_be_searched_is_refused() {
     real.expect_refusal(2, &["real time"]);
     let unknown = hunt(&folder, &["--faults", "gremlins"]);
     unknown.expect_refusal(2, &["no fault or action gremlins", "sim faults"]);
+    hunt(&folder, &["--faults", "lock,,mute"]).expect_refusal(2, &["a value is required", "--faults"]);
     let misspelt = hunt(&folder, &["--faults", "lock,supply-sags"]);
     misspelt.expect_refusal(2, &["did you mean supply-sag?"]);
     write(&folder, "none.toml", "title = \"None\"\n");

@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use clap::builder::NonEmptyStringValueParser;
 use clap::{ArgAction, Args, ValueEnum, value_parser};
 use serde::Serialize;
 
@@ -61,7 +62,7 @@ pub(crate) struct HuntArgs {
     #[arg(long, value_name = "N", default_value = "2", value_parser = value_parser!(u32).range(1..=4))]
     pub(crate) max_faults: u32,
     /// Try only these kinds of faults and actions.
-    #[arg(long, value_name = "KINDS", value_delimiter = ',')]
+    #[arg(long, value_name = "KINDS", value_delimiter = ',', value_parser = NonEmptyStringValueParser::new())]
     pub(crate) faults: Vec<String>,
     /// Play only these stages, as for a comparison with a random search [default: all].
     #[arg(long, value_name = "STAGES", value_enum, value_delimiter = ',')]

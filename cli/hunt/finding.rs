@@ -324,7 +324,8 @@ impl Hunt<'_> {
             head += &format!("# The reference client {what}.\n");
         }
         let words = found.faults.join("; ");
-        let title = format!("{} breaks a rule", ids(&found.schedule).join(" and "));
+        let breaks = ["break", "breaks"][usize::from(found.schedule.len() == 1)];
+        let title = format!("{} {breaks} a rule", ids(&found.schedule).join(" and "));
         let about = (title.as_str(), &*format!("{words}. Then {rule}."));
         file.write(&frame.finding(&found.schedule, &head, about, folder))?;
         complain_above(&self.bar, &format!("  {}{replaced}", visible::name(&path)));
@@ -403,16 +404,17 @@ fn ids(schedule: &[Fault]) -> Vec<String> {
     ids
 }
 
-/// A rule as part of the name of a file.
+/// A rule as part of the name of a file: its message, or the whole of it.
 fn slug(rule: &str) -> String {
-    let words = rule.split(|letter: char| !letter.is_ascii_alphanumeric());
+    let message = rule.split(": ").next().unwrap_or(rule);
+    let words = message.split(|letter: char| !letter.is_ascii_alphanumeric());
     let words: Vec<String> = words
         .filter(|word| !word.is_empty())
         .map(str::to_ascii_lowercase)
         .collect();
-    let mut slug = words.join("-");
-    slug.truncate(MOST_NAME);
-    match slug.trim_end_matches('-') {
+    let whole = words.join("-");
+    let cut = |short: &'_ str| short.rfind('-').unwrap_or(MOST_NAME);
+    match &whole[..whole.get(..MOST_NAME).map_or(whole.len(), cut)] {
         "" => "rule".to_owned(),
         slug => slug.to_owned(),
     }

@@ -174,9 +174,11 @@ impl Hunt<'_> {
         let first = without_faults(&mut self.player, &text, "the client", Failure::system)?;
         let again = self.player.play_again(&text)?;
         if first.trace != again.trace {
+            let again = self.player.command(&text, &self.job.path)?;
+            let twice = again.replacen("run", "run --twice", 1);
             return usage(anyhow!(
                 "the client did not do the same in two runs without faults, so no search is possible; \
-                 `sim run --twice` shows the first difference"
+                 `{twice}` shows the first difference"
             ));
         }
         if let Some(reference) = &mut self.reference {
