@@ -45,6 +45,7 @@ pub(crate) use json::verdict as verdict_json;
 pub(crate) use live::NO_PORT_OPENED;
 pub(crate) use page::{MARKS as REPORT_MARKS, case_in_full, document as report_page};
 pub(crate) use pool::{play_quietly, stop_by_signals};
+pub(crate) use tell::written as client_output;
 pub(crate) use view::signature;
 
 /// The `run` subcommand.

@@ -98,7 +98,11 @@ fn hunt_in(folder: &Folder, job: &str, more: &[&str]) -> Finished {
 
 fn hunt_by(folder: &Folder, job: &str, rules: &str, more: &[&str]) -> Finished {
     let shrink = ["--shrink-runs", "40"];
-    let shrink = if more.contains(&shrink[0]) { &[] } else { &shrink[..] };
+    let shrink = if more.contains(&shrink[0]) {
+        &[]
+    } else {
+        &shrink[..]
+    };
     let all = [&["hunt", job, "--rules", rules], shrink].concat();
     let output = command()
         .args([&all, more, &["--", "python3", "client.py"]].concat())
@@ -142,11 +146,16 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
     }
     // The results say of every schedule what came of it.
     let failed = job["tried"].as_array().unwrap().iter();
-    let failed = failed.filter(|one| one["margin"] == 0.0).collect::<Vec<_>>();
+    let failed = failed
+        .filter(|one| one["margin"] == 0.0)
+        .collect::<Vec<_>>();
     assert!(!failed.is_empty(), "{text}");
     for one in failed {
         assert_eq!(one["kinds"][0], "lock", "{one}");
-        assert!(one["broken"][0].as_str().unwrap().contains("locked"), "{one}");
+        assert!(
+            one["broken"][0].as_str().unwrap().contains("locked"),
+            "{one}"
+        );
         let nearer = one["nearer"].as_object().unwrap();
         assert!(nearer.keys().all(|rule| rule.contains("locked")), "{one}");
         assert!(one["error"].is_null(), "{one}");
@@ -304,13 +313,19 @@ fn files_of_others_stay() {
         "# Play it again: sim run --seed 1 --set 'r150.over_rate=silent' {second} -- python3 client.py\n"
     );
     let written = folder.read(&second);
-    assert!(written.contains("in 5 runs; the budget of --shrink-runs ended"), "{written}");
+    assert!(
+        written.contains("in 5 runs; the budget of --shrink-runs ended"),
+        "{written}"
+    );
     assert!(written.contains(&again), "{again}\n{written}");
     // One of an earlier hunt is replaced, and so is its journal.
     write(&folder, "hunt/journal.jsonl", "{\"hunt\":\"0\"}\n");
     let other = hunt(&[]);
     assert_eq!(other.code(), Some(1));
-    for part in ["journal.jsonl is of another hunt", "in the place of an earlier hunt's"] {
+    for part in [
+        "journal.jsonl is of another hunt",
+        "in the place of an earlier hunt's",
+    ] {
         assert!(other.err.contains(part), "{part}\n{}", other.err);
     }
     assert!(folder.read(&second).contains(&again));
@@ -427,7 +442,13 @@ fn an_exit_code_counts_where_no_fault_lasts() {
     let (patient, job) = gives_up("5", "mute");
     assert_eq!(patient.code(), Some(0), "{}{}", patient.err, patient.out);
     assert!(job["unavoidable"][RULE].as_u64() > Some(0), "{job:#}");
-    assert!(patient.out.contains("the client gave up where a fault lasts, "), "{}", patient.out);
+    assert!(
+        patient
+            .out
+            .contains("the client gave up where a fault lasts, "),
+        "{}",
+        patient.out
+    );
     assert!(!patient.out.contains("for any client"), "{}", patient.out);
 }
 
@@ -545,7 +566,8 @@ fn what_cannot_be_searched_is_refused() {
     real.expect_refusal(2, &["real time"]);
     let unknown = hunt(&folder, &["--faults", "gremlins"]);
     unknown.expect_refusal(2, &["no fault or action gremlins", "sim faults"]);
-    hunt(&folder, &["--faults", "lock,,mute"]).expect_refusal(2, &["a value is required", "--faults"]);
+    hunt(&folder, &["--faults", "lock,,mute"])
+        .expect_refusal(2, &["a value is required", "--faults"]);
     let misspelt = hunt(&folder, &["--faults", "lock,supply-sags"]);
     misspelt.expect_refusal(2, &["did you mean supply-sag?"]);
     write(&folder, "none.toml", "title = \"None\"\n");
@@ -562,9 +584,39 @@ fault = { kind = "mute" }
     let rules = "[[never]]\nthat = \"truth.nosuch > 1\"\nsince = 3\n";
     write(&folder, "misspelt.toml", rules);
     let misspelt = hunt(&folder, &["--rules", "misspelt.toml"]);
-    misspelt.expect_refusal(2, &["misspelt.toml: `never.that`: no name", "misspelt.toml: `never.since`"]);
+    misspelt.expect_refusal(
+        2,
+        &[
+            "misspelt.toml: `never.that`: no name",
+            "misspelt.toml: `never.since`",
+        ],
+    );
     assert!(!misspelt.err.contains("hunt-"), "{}", misspelt.err);
     let second = hunt(&folder, &["--stages", "further"]);
     second.expect_refusal(2, &["add single or random"]);
+    write(&folder, "once", "");
+    let counts = "\nopen('once', 'a').write('x')\n";
+    let client = CLIENT.replace("range(40)", "range(39 + len(open('once').read()))") + counts;
+    write(&folder, "client.py", &client);
+    let differs = hunt(&folder, &[]);
+    differs.expect_refusal(
+        2,
+        &["`sim run --twice --seed 1 job.toml -- python3 client.py`"],
+    );
+    write(
+        &folder,
+        "client.py",
+        "raise SystemExit('no serial port here')\n",
+    );
+    let again = "sim run --seed 1 job.toml -- python3 client.py";
+    let none = hunt(&folder, &[]);
+    none.expect_refusal(
+        3,
+        &[
+            "job.toml: the client could not",
+            "no serial port here",
+            again,
+        ],
+    );
     assert!(!folder.path().join("hunt").exists());
 }

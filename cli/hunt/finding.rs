@@ -63,7 +63,10 @@ impl Hunt<'_> {
         }
         let words: Vec<String> = schedule.iter().map(Fault::words).collect();
         let words = words.join("\n  ");
-        complain_above(&self.bar, &format!("found in run {run}, now made smaller:\n  {words}"));
+        complain_above(
+            &self.bar,
+            &format!("found in run {run}, now made smaller:\n  {words}"),
+        );
         let before = self.player.asked;
         let (schedule, is_cut) = self.shrink(schedule, key)?;
         // A smaller one may leave the client no way out, where the whole one did.
@@ -156,7 +159,8 @@ impl Hunt<'_> {
                 if most == 0 {
                     return Ok((best, true));
                 }
-                self.bar.set_message(format!("made smaller, at most {left} runs more"));
+                self.bar
+                    .set_message(format!("made smaller, at most {left} runs more"));
                 let next: Vec<_> = candidates.drain(..most.min(candidates.len())).collect();
                 let breaks = self.which_break(&next, key)?;
                 if let Some(index) = breaks.iter().position(|breaks| *breaks) {
@@ -272,7 +276,10 @@ impl Hunt<'_> {
         let first = self.player.play_again(&plain)?;
         let again = self.player.play_again(&plain)?;
         let Some(failure) = first.broken.get(key).filter(|_| first.trace == again.trace) else {
-            complain_above(&self.bar, "  it could not be played twice with the same result, and is not written");
+            complain_above(
+                &self.bar,
+                "  it could not be played twice with the same result, and is not written",
+            );
             return Ok(());
         };
         found.failure.clone_from(failure);

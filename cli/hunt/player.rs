@@ -68,7 +68,8 @@ impl Seen {
     /// The margins of rules that came nearer to being broken than in another run.
     pub(super) fn nearer<'s>(&'s self, usual: &'s Self) -> impl Iterator<Item = (&'s String, f64)> {
         let margins = self.margins.iter().map(|(rule, margin)| (rule, *margin));
-        margins.filter(|(rule, margin)| usual.margins.get(*rule).is_some_and(|usual| usual > margin))
+        margins
+            .filter(|(rule, margin)| usual.margins.get(*rule).is_some_and(|usual| usual > margin))
     }
 
     /// The smallest of these: 0 if a rule was broken, infinite if none came nearer.
@@ -155,7 +156,10 @@ impl<'a> Player<'a> {
         let mut journal = journal.with_context(cannot).map_err(Failure::usage)?;
         let (whole, runs) = read_journal(&journal, &head);
         if whole == 0 && journal.metadata().is_ok_and(|found| found.len() > 0) {
-            complain(&format!("{} is of another hunt, which cannot go on now", visible::name(&path)));
+            complain(&format!(
+                "{} is of another hunt, which cannot go on now",
+                visible::name(&path)
+            ));
         }
         self.journaled = runs;
         let begun = journal.set_len(whole).and_then(|()| match whole {
@@ -211,7 +215,9 @@ impl<'a> Player<'a> {
             let behind = line.strip_prefix(&file).and_then(|at| at.split_once(": "));
             behind.map_or_else(|| line.to_owned(), |(_, why)| format!("{what}: {why}"))
         });
-        Err(Failure::usage(anyhow!(lines.collect::<Vec<_>>().join("\n"))))
+        Err(Failure::usage(anyhow!(
+            lines.collect::<Vec<_>>().join("\n")
+        )))
     }
 
     /// The path that a file has which exists in memory.

@@ -16,7 +16,10 @@ use super::search::{Hunt, Tried};
 use super::space::{counted, duration};
 
 /// By these a `hunt.json` is known, which may be replaced.
-const RESULT_MARKS: &[&str] = &["{\n  \"jobs\": [\n    {\n      \"findings\": [", "{\n  \"jobs\": []"];
+const RESULT_MARKS: &[&str] = &[
+    "{\n  \"jobs\": [\n    {\n      \"findings\": [",
+    "{\n  \"jobs\": []",
+];
 
 /// What all jobs of a hunt came to.
 pub(super) struct Summary {

@@ -16,6 +16,7 @@ use crate::digest::digest;
 use crate::exit::Failure;
 use crate::print::{complain, progress};
 use crate::recording;
+use crate::run::client_output;
 use crate::scenario_files::Loaded;
 
 use super::moments::{Moment, Samples};
@@ -171,7 +172,7 @@ impl Hunt<'_> {
         }
         let text = self.frame.document(&[]);
         self.player.check(&text, "the job with these rules")?;
-        let first = without_faults(&mut self.player, &text, "the client", Failure::system)?;
+        let first = without_faults(&mut self.player, self.job, &text, "", Failure::system)?;
         let again = self.player.play_again(&text)?;
         if first.trace != again.trace {
             let again = self.player.command(&text, &self.job.path)?;
@@ -182,12 +183,7 @@ impl Hunt<'_> {
             ));
         }
         if let Some(reference) = &mut self.reference {
-            without_faults(
-                reference,
-                &text,
-                "the client of --reference",
-                Failure::usage,
-            )?;
+            without_faults(reference, self.job, &text, "--reference: ", Failure::usage)?;
         }
         let (records, samples) = self.player.trace(&text, |case, _, _| {
             let path = case.recording().unwrap_or_default();
@@ -309,7 +305,11 @@ impl Hunt<'_> {
             let Some((stage, _)) = next else { break };
             self.round(*stage, round)?;
             let found = self.state.written().count();
-            let all = self.state.nearest.iter().filter(|(_, margin)| **margin > 0.0);
+            let all = self
+                .state
+                .nearest
+                .iter()
+                .filter(|(_, margin)| **margin > 0.0);
             let nearest = all.min_by(|(_, one), (_, other)| one.total_cmp(other));
             let nearest = nearest.map(|(rule, margin)| format!(", margin {margin:.3} of {rule}"));
             self.bar.set_position(self.state.spent);
@@ -476,20 +476,33 @@ impl Hunt<'_> {
 /// Plays the job without faults, and refuses a client that fails even there.
 fn without_faults(
     player: &mut Player<'_>,
+    job: &Loaded,
     text: &str,
     who: &str,
     unplayed: fn(Error) -> Failure,
 ) -> Result<Seen, Failure> {
     let seen = player.play_again(text)?;
-    if let Some(why) = seen.error {
-        return Err(unplayed(anyhow!("{who}: {why}")));
-    }
-    match seen.broken.values().next() {
-        None => Ok(seen),
-        Some(failure) => Err(Failure::usage(anyhow!(
-            "{who} fails in the job as it is, which has to be fixed first: {failure}"
-        ))),
-    }
+    let (refusal, why): (fn(Error) -> Failure, _) = match (&seen.error, seen.broken.values().next())
+    {
+        (Some(why), _) => (unplayed, why.clone()),
+        (None, Some(failure)) => {
+            let why = "the client fails in the job as it is, which has to be fixed first";
+            (Failure::usage, format!("{why}: {failure}"))
+        }
+        (None, None) => return Ok(seen),
+    };
+    let output = player.trace(text, |_, result, _| {
+        let client = result
+            .played
+            .as_ref()
+            .and_then(|played| played.client.as_ref());
+        Ok(client.map(client_output).unwrap_or_default())
+    });
+    let (name, output) = (job.name(), output.unwrap_or_default());
+    let command = player.command(text, &job.path)?;
+    Err(refusal(anyhow!(
+        "{name}: {who}{why}{output}\n  more about it: {command}"
+    )))
 }
 
 fn any_of(noise: &mut Noise, kind: &Kind, at: u64) -> Fault {

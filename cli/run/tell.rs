@@ -9,7 +9,7 @@ use rigsim_settings::show_duration;
 use crate::scenario_files::Loaded;
 use crate::visible;
 
-use super::case::{Case, CaseResult};
+use super::case::{Case, CaseResult, PlayedClient};
 use super::view::View;
 
 /// Number of the last lines of traffic that are shown before a failure.
@@ -81,19 +81,26 @@ pub(crate) fn result(case: &Case<'_>, result: &CaseResult) -> String {
         return text;
     }
     if let Some(client) = view.client {
-        let lines: Vec<String> = client.output.lines().map(shortened).collect();
-        text += match lines.is_empty() {
-            true => "\n  the client wrote nothing",
-            false => "\n  the last that the client wrote:",
-        };
-        for line in &lines[lines.len().saturating_sub(OUTPUT)..] {
-            let _ = write!(text, "\n    {line}");
-        }
+        text += &written(client);
     }
     if let Some(trace) = case.file("trace.jsonl") {
         let _ = write!(text, "\n  trace: {}", visible::name(&trace));
     }
     let _ = write!(text, "\n  again: {}", case.command());
+    text
+}
+
+/// The end of what a client wrote.
+pub(crate) fn written(client: &PlayedClient) -> String {
+    let lines: Vec<String> = client.output.lines().map(shortened).collect();
+    let mut text = match lines.is_empty() {
+        true => "\n  the client wrote nothing",
+        false => "\n  the last that the client wrote:",
+    }
+    .to_owned();
+    for line in &lines[lines.len().saturating_sub(OUTPUT)..] {
+        let _ = write!(text, "\n    {line}");
+    }
     text
 }
 
