@@ -130,7 +130,6 @@ pub(super) struct Found {
     pub(super) seeds: u64,
     /// For each fault, in ms: how much earlier and later it may begin.
     pub(super) window_ms: Vec<[u64; 2]>,
-    pub(super) reference_fails: Option<bool>,
     /// Comments at the beginning of its file.
     #[serde(skip)]
     pub(super) head: String,
