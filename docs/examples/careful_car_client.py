@@ -179,7 +179,7 @@ class Car:
         raise Trouble("the board does not take its position")
 
     def stop(self):
-        """Asks for standstill on both links until two packets in a row say so."""
+        """Asks for standstill on both links until two packets in a row say so, which may not come."""
         standing = 0
         for _ in range(100):
             self.main.write(STOP)
@@ -188,8 +188,9 @@ class Car:
             status = next(self.statuses(0.15), None)
             standing = standing + 1 if status and not status.motors else 0
             if standing == 2:
-                return
+                return True
         print("the car does not say that it stands")
+        return False
 
     def order(self, axis, way, by_line):
         if by_line:
@@ -262,7 +263,8 @@ class Car:
             why = self.watch(axis, corner, line)
             if why:
                 print(f"stop: {why}")
-                self.stop()
+                if not self.stop():
+                    raise Trouble("it cannot be seen whether the car stands")
 
 
 def main(sides=SIDES):
