@@ -1,5 +1,7 @@
 //! Faults that vehicles of every kind can have.
 
+use crate::twist::Wrench;
+
 /// The most that may be done to a vehicle.
 #[derive(Debug, Clone, Copy)]
 pub struct Bounds {
@@ -57,8 +59,8 @@ pub struct BodyFaults {
     pub friction: Option<f64>,
     /// Payload added, kg.
     pub payload: f64,
-    /// Push added: ahead, left in N; counter-clockwise in N·m.
-    pub push: [f64; 3],
+    /// Push added.
+    pub push: Wrench,
 }
 
 impl BodyFaults {
@@ -68,7 +70,11 @@ impl BodyFaults {
                 .friction
                 .map(|friction| number(friction).clamp(0.0, 10.0)),
             payload: number(self.payload).clamp(0.0, bounds.payload),
-            push: self.push.map(|part| within(part, bounds.push)),
+            push: Wrench {
+                ahead: within(self.push.ahead, bounds.push),
+                left: within(self.push.left, bounds.push),
+                turn: within(self.push.turn, bounds.push),
+            },
         }
     }
 }

@@ -46,6 +46,7 @@ pub mod r150;
 mod running_gear;
 mod tolerance;
 pub mod traction;
+mod twist;
 mod vehicle_body;
 pub mod world;
 
@@ -59,5 +60,6 @@ pub use pose::{BodyMotion, Pose};
 pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
 pub use running_gear::Energy;
 pub use tolerance::Tolerances;
+pub use twist::{Twist, Wrench};
 pub use vehicle_body::VehicleBody;
 pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldMap, WorldSettings};

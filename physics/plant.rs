@@ -5,6 +5,7 @@ use std::time::Duration;
 use crate::drawing::Drawing;
 use crate::faults::BodyFaults;
 use crate::pose::Pose;
+use crate::twist::Wrench;
 use crate::vehicle_body::VehicleBody;
 use crate::world::{BodyId, World};
 
@@ -65,12 +66,12 @@ pub trait Plant {
     /// Returns its true pose and motion at the end of the last step.
     fn motion(&self) -> Motion {
         let motion = self.vehicle().motion();
-        let [forward_speed, leftward_speed, yaw_rate] = motion.body_velocity();
+        let velocity = motion.body_velocity();
         Motion {
             pose: motion.pose(),
-            forward_speed,
-            leftward_speed,
-            yaw_rate,
+            forward_speed: velocity.ahead,
+            leftward_speed: velocity.left,
+            yaw_rate: velocity.turn,
             distance: self.vehicle().distance(),
             mass: self.mass(),
         }
@@ -99,8 +100,8 @@ pub trait Plant {
         self.apply_payload(world);
     }
 
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.
-    fn set_push(&mut self, push: [f64; 3]) {
+    /// Pushes steadily until changed.
+    fn set_push(&mut self, push: Wrench) {
         self.vehicle_mut().set_push(push);
     }
 }

@@ -1,5 +1,7 @@
 //! Place and motion of a body.
 
+use crate::twist::Twist;
+
 /// A position and heading on the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pose {
@@ -59,11 +61,15 @@ impl BodyMotion {
         ]
     }
 
-    /// Velocity in the axes of the body: forward, left, yaw rate.
+    /// Returns the velocity in the axes of the body.
     #[must_use]
-    pub fn body_velocity(&self) -> [f64; 3] {
-        let [forward, left] = self.to_body([self.vx, self.vy]);
-        [forward, left, self.yaw_rate]
+    pub fn body_velocity(&self) -> Twist {
+        let [ahead, left] = self.to_body([self.vx, self.vy]);
+        Twist {
+            ahead,
+            left,
+            turn: self.yaw_rate,
+        }
     }
 
     /// Returns whether nothing at all moves.

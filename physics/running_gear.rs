@@ -3,6 +3,7 @@
 use crate::traction::{
     Chassis, Contact, GroundForce, Patch, Stance, Straight, Traction, TyreSettings, Wheel,
 };
+use crate::twist::{Twist, Wrench};
 use crate::vehicle_body::VehicleBody;
 use crate::world::{Course, World};
 
@@ -106,8 +107,7 @@ pub(crate) struct WheelDrive {
 struct Outside {
     /// Downhill, ahead and left in the axes of the step's beginning, N.
     pull: [f64; 2],
-    /// In its own axes: ahead, left (N) and counter-clockwise (N·m).
-    push: [f64; 3],
+    push: Wrench,
     /// That presses it on the ground, N.
     pressing: f64,
     /// Under each patch.
@@ -334,11 +334,14 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         drives: &[WheelDrive; WHEELS],
         outside: &Outside,
         dt: f64,
-    ) -> [f64; 3] {
+    ) -> Twist {
         let part = course.part(dt);
         let pull = part.look_at(outside.pull);
-        let [push_ahead, push_left, push_turn] = outside.push;
-        let force = [pull[0] + push_ahead, pull[1] + push_left, push_turn];
+        let force = Wrench {
+            ahead: pull[0] + outside.push.ahead,
+            left: pull[1] + outside.push.left,
+            ..outside.push
+        };
         let on_tyres = if self.stance.carried.is_some() {
             self.traction.force()
         } else {
@@ -351,11 +354,10 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         self.tipping |= lifts;
         let mut wheels = self.wheels(drives, &loads);
         let before = course.coasting(part);
-        let mass = [self.mass, self.mass, self.inertia];
         let mut chassis = Chassis {
             mass: self.mass,
             inertia: self.inertia,
-            velocity: std::array::from_fn(|axis| before[axis] + dt * force[axis] / mass[axis]),
+            velocity: before.pushed(force, dt, self.mass, self.inertia),
         };
         let rolling = self.wheel_speed;
         self.traction.solve(
@@ -374,18 +376,13 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             let drive = &drives[wheel];
             self.motor_impulse[wheel] += drive.impulse - drive.opposed * after;
         }
-        self.account(
-            drives,
-            [before, chassis.velocity],
-            force.map(|force| dt * force),
-            rolling,
-        );
+        self.account(drives, [before, chassis.velocity], (force, dt), rolling);
         course.go_on(part, chassis.velocity);
         chassis.velocity
     }
 
     /// Takes over the velocity that a step really ended with.
-    pub(crate) fn take_velocity(&mut self, velocity: [f64; 3]) {
+    pub(crate) fn take_velocity(&mut self, velocity: Twist) {
         let given = self.of_body(velocity) - self.led_to;
         if let Some(energy) = &mut self.energy {
             energy.outside += given;
@@ -394,26 +391,25 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
     }
 
     /// Energy of the body at a velocity, J.
-    fn of_body(&self, [ahead, left, yaw_rate]: [f64; 3]) -> f64 {
-        let moving = self.mass * (square(ahead) + square(left));
-        (moving + self.inertia * square(yaw_rate)) / 2.0
+    fn of_body(&self, velocity: Twist) -> f64 {
+        let moving = self.mass * (square(velocity.ahead) + square(velocity.left));
+        (moving + self.inertia * square(velocity.turn)) / 2.0
     }
 
     /// Counts the work of a part of a step, if the balance is kept: the body and the wheels had these
-    /// velocities at its beginning, and the impulse on the body came from outside.
+    /// velocities at its beginning, and the force on the body came from outside for that many seconds.
     fn account(
         &mut self,
         drives: &[WheelDrive; WHEELS],
-        [before, after]: [[f64; 3]; 2],
-        impulse: [f64; 3],
+        [before, after]: [Twist; 2],
+        (force, seconds): (Wrench, f64),
         rolling: [f64; WHEELS],
     ) {
         let Some(energy) = &mut self.energy else {
             return;
         };
-        let mean: [f64; 3] = std::array::from_fn(|axis| (before[axis] + after[axis]) / 2.0);
-        let given = impulse.iter().zip(mean);
-        energy.outside += given.map(|(impulse, speed)| impulse * speed).sum::<f64>();
+        let mean = before.mean(after);
+        energy.outside += seconds * force.power(mean);
         let turning: [f64; WHEELS] =
             std::array::from_fn(|wheel| (rolling[wheel] + self.wheel_speed[wheel]) / 2.0);
         let held = self.traction.held();

@@ -52,6 +52,8 @@ pub use contact::{Contact, Slanted, Straight};
 pub use loads::Stance;
 pub use settings::TyreSettings;
 
+use crate::twist::Twist;
+
 /// A place where a wheel meets the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Patch {
@@ -95,9 +97,8 @@ pub struct Chassis {
     pub mass: f64,
     /// kg·m²
     pub inertia: f64,
-    /// Forward, left (m/s) and yaw rate (rad/s) at the end of the step if the ground did nothing;
-    /// on return with the ground.
-    pub velocity: [f64; 3],
+    /// Velocity at the end of the step if the ground did nothing; on return with the ground.
+    pub velocity: Twist,
 }
 
 /// The patches of one vehicle with their state.
@@ -240,7 +241,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
     /// Energy that the patches took from body and wheels in the last step, J; their speeds are the
     /// means of its beginning and its end.
     #[must_use]
-    pub fn lost(&self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS]) -> f64 {
+    pub fn lost(&self, velocity: Twist, wheel_speeds: [f64; WHEELS]) -> f64 {
         let lost = self.patches.iter().map(|patch| {
             let slip = patch.slip(velocity, wheel_speeds[patch.place.wheel] * self.law.radius);
             -(patch.impulse[0] * slip[0] + patch.impulse[1] * slip[1])
@@ -276,7 +277,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
     ///
     /// These differ from the solver's where the body met an obstacle: a vehicle that pushes a wall
     /// keeps its tyres strained and stands still.
-    pub fn update_deflections(&mut self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS]) {
+    pub fn update_deflections(&mut self, velocity: Twist, wheel_speeds: [f64; WHEELS]) {
         let dt = self.dt;
         for patch in &mut self.patches {
             let slip = patch.slip(velocity, wheel_speeds[patch.place.wheel] * self.law.radius);
@@ -296,10 +297,10 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
 
 impl<C: Contact> PatchState<C> {
     /// Velocity of the patch over the ground, along and across, m/s.
-    fn slip(&self, [forward, left, yaw_rate]: [f64; 3], rolling: f64) -> [f64; 2] {
+    fn slip(&self, velocity: Twist, rolling: f64) -> [f64; 2] {
         self.contact.split([
-            forward - yaw_rate * self.place.y - rolling,
-            left + yaw_rate * self.place.x,
+            velocity.ahead - velocity.turn * self.place.y - rolling,
+            velocity.left + velocity.turn * self.place.x,
         ])
     }
 

@@ -2,6 +2,7 @@
 
 use crate::faults::{BodyFaults, Bounds, number};
 use crate::pose::{BodyMotion, Pose};
+use crate::twist::{Twist, Wrench};
 use crate::world::{BodyId, World};
 
 /// Speed of body and tyres under which it may stand, m/s.
@@ -71,13 +72,13 @@ impl VehicleBody {
         self.wake();
     }
 
-    /// Force and torque that push it, ahead, left, counter-clockwise; N and N·m.
-    pub fn push(&self) -> [f64; 3] {
+    /// Force and torque that push it.
+    pub fn push(&self) -> Wrench {
         self.faults.push
     }
 
     /// Pushes steadily until changed, as a fault does.
-    pub fn set_push(&mut self, push: [f64; 3]) {
+    pub fn set_push(&mut self, push: Wrench) {
         self.set_faults(&BodyFaults {
             push,
             ..self.faults
@@ -139,9 +140,8 @@ impl VehicleBody {
         self.resting
     }
 
-    /// Takes over what a step did; gives its velocity ahead and to the left in
-    /// m/s, and its yaw rate in rad/s.
-    pub fn update_motion(&mut self, world: &World) -> [f64; 3] {
+    /// Takes over what a step did; returns its velocity.
+    pub fn update_motion(&mut self, world: &World) -> Twist {
         let before = std::mem::replace(&mut self.motion, world.motion(self.id));
         let (x, y) = (self.motion.x - before.x, self.motion.y - before.y);
         self.distance += (x * x + y * y).sqrt();
@@ -151,10 +151,10 @@ impl VehicleBody {
     /// Returns whether body and tyres are slow enough to stand; the tyres' speeds in m/s.
     pub fn is_slow(&self, tyre_speeds: impl IntoIterator<Item = f64>) -> bool {
         let limit = STANDING;
-        let [ahead, left, yaw_rate] = self.motion.body_velocity();
-        ahead.abs() <= limit
-            && left.abs() <= limit
-            && yaw_rate.abs() * self.half_length <= limit
+        let velocity = self.motion.body_velocity();
+        velocity.ahead.abs() <= limit
+            && velocity.left.abs() <= limit
+            && velocity.turn.abs() * self.half_length <= limit
             && tyre_speeds.into_iter().all(|speed| speed.abs() <= limit)
     }
 

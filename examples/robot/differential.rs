@@ -4,7 +4,7 @@
 //! tyres are not modelled any further: use [`rigsim_physics::traction`] where they matter.
 
 use rigsim_physics::world::Course;
-use rigsim_physics::{BodyShape, Bounds, Plant, Pose, VehicleBody, World};
+use rigsim_physics::{BodyShape, Bounds, Plant, Pose, Twist, VehicleBody, World};
 
 const BOUNDS: Bounds = Bounds {
     payload: 20.0,
@@ -116,15 +116,15 @@ impl Plant for Differential {
         let ground = world.ground_at(motion.x, motion.y);
         let (mass, inertia) = (self.mass(), inertia(self.shape, self.mass()));
         let weight = mass * world.gravity();
-        let [push_ahead, push_left, push_turn] = self.body.push();
+        let push = self.body.push();
         let mut course = Course::new(motion.body_velocity());
         let part = course.part(dt);
         let pull = part.look_at(motion.to_body(ground.downhill()));
-        let [ahead, left, yaw_rate] = course.coasting(part);
+        let Twist { ahead, left, turn } = course.coasting(part);
         let free = [
-            ahead + dt * (pull[0] * weight + push_ahead) / mass,
-            left + dt * (pull[1] * weight + push_left) / mass,
-            yaw_rate + dt * push_turn / inertia,
+            ahead + dt * (pull[0] * weight + push.ahead) / mass,
+            left + dt * (pull[1] * weight + push.left) / mass,
+            turn + dt * push.turn / inertia,
         ];
         let [left_wheel, right_wheel] = self.wanted;
         let half = self.shape.track / 2.0;
@@ -137,7 +137,7 @@ impl Plant for Differential {
         let most = self.body.most_friction().unwrap_or(f64::INFINITY);
         let grip = dt * ground.friction().min(most) * world.gravity() * ground.cos_slope();
         let limits = [grip, grip, grip * mass * half / inertia];
-        let velocity: [f64; 3] = std::array::from_fn(|axis| {
+        let [ahead, left, turn] = std::array::from_fn(|axis| {
             let change = held[axis] - free[axis];
             free[axis] + change.clamp(-limits[axis], limits[axis])
         });
@@ -145,7 +145,7 @@ impl Plant for Differential {
             *travel += dt * (self.speed[wheel] + self.wanted[wheel]) / 2.0;
         }
         self.speed = self.wanted;
-        course.go_on(part, velocity);
+        course.go_on(part, Twist { ahead, left, turn });
         world.lead(self.body.id(), &course);
     }
 

@@ -9,6 +9,7 @@ use crate::faults::MotorFaults;
 use crate::running_gear::{Changes, Mass, RunningGear, Span, WheelDrive};
 use crate::tolerance::Draw;
 use crate::traction::Slanted;
+use crate::twist::{Twist, Wrench};
 use crate::world::World;
 
 /// Rolling speed above which the rubber of a roller damps no longer, m/s: well below the car's full
@@ -109,7 +110,7 @@ impl Drive {
     }
 
     /// Takes over the velocity that a step really ended with.
-    pub(super) fn take_velocity(&mut self, velocity: [f64; 3], faults: &[MotorFaults; WHEELS]) {
+    pub(super) fn take_velocity(&mut self, velocity: Twist, faults: &[MotorFaults; WHEELS]) {
         self.gear.take_velocity(velocity);
         for (index, pulses) in self.pulses.iter_mut().enumerate() {
             let turned = self.gear.turned[index];
@@ -221,7 +222,7 @@ impl MecanumPlant {
     /// Returns whether something is trying to move the car.
     fn is_driven(&self) -> bool {
         let turns = |wheel| matches!(self.order(wheel), Order::Turn(speed) if speed != 0.0);
-        self.body.push() != [0.0; 3] || Wheel::ALL.into_iter().any(turns)
+        self.body.push() != Wrench::default() || Wheel::ALL.into_iter().any(turns)
     }
 }
 

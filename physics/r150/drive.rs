@@ -7,6 +7,7 @@ use super::signals::Side;
 use crate::running_gear::{Changes, Mass, RunningGear, Span, WheelDrive};
 use crate::tolerance::Draw;
 use crate::traction::Straight;
+use crate::twist::Wrench;
 use crate::world::World;
 
 /// Share of a motor's torque that is lost in its gear; assumed: two or three planetary stages.
@@ -166,7 +167,7 @@ impl R150Plant {
             let driven = self.commands.propulsion_power && self.wanted_duty(*side) != 0.0;
             port.connected && (port.duty != 0.0 || driven)
         });
-        motors || self.body.push() != [0.0; 3]
+        motors || self.body.push() != Wrench::default()
     }
 }
 

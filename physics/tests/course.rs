@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use rigsim_physics::{Plant, Pose, R150Plant, R150PlantSettings, World, WorldSettings};
+use rigsim_physics::{Plant, Pose, R150Plant, R150PlantSettings, World, WorldSettings, Wrench};
 
 const STEPS_US: [u64; 3] = [500, 5_000, 10_000];
 
@@ -61,7 +61,10 @@ fn what_is_spun_up_keeps_its_way() {
         let mut world = ice(step, 0.0);
         let mut plant = add(&mut world, "r150", 0.0, 0.0);
         world.set_velocity(plant.body(), [1.4, 0.0], 0.0);
-        plant.set_push([0.0, 0.0, 16.0]);
+        plant.set_push(Wrench {
+            turn: 16.0,
+            ..Wrench::default()
+        });
         go_on(&mut world, &mut [plant.clone()], 4.0);
         let found = world.motion(plant.body());
         assert!(found.yaw_rate > 3.0, "{}", found.yaw_rate);

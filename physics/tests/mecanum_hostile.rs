@@ -13,6 +13,7 @@ use std::time::Duration;
 use anything::{any_body_faults, any_motor_faults};
 use car::Car;
 use proptest::prelude::*;
+use rigsim_physics::Wrench;
 use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::mecanum::{
     MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, Wiring,
@@ -103,7 +104,7 @@ fn apply(car: &mut Car, action: &Action) {
         Action::CarFaults(faults) => plant.set_faults(&faults),
         Action::Body(faults) => plant.set_body_faults(world, &faults),
         Action::Payload(mass) => plant.set_payload(world, mass),
-        Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
+        Action::Push(ahead, left, turn) => plant.set_push(Wrench { ahead, left, turn }),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Ground(friction, slope, uphill) => {
             world.set_ground(Ground::new(friction, slope, uphill));

@@ -8,7 +8,7 @@ use std::time::Duration;
 use common::Bench;
 use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::r150::Side;
-use rigsim_physics::{Ground, Plant as _, R150PlantSettings};
+use rigsim_physics::{Ground, Plant as _, R150PlantSettings, Wrench};
 
 fn with(change: impl FnOnce(&mut R150PlantSettings)) -> Bench {
     let mut settings = R150PlantSettings::default();
@@ -94,7 +94,10 @@ fn a_pushed_motor_with_its_driver_off_is_held_by_the_diodes() {
     for charge in [80.0, 100.0] {
         let mut bench = with(|s| s.battery.initial_soc = charge);
         bench.command(|commands| commands.propulsion_power = false);
-        bench.plant.set_push([900.0, 0.0, 0.0]);
+        bench.plant.set_push(Wrench {
+            ahead: 900.0,
+            ..Wrench::default()
+        });
         bench.run(5.0);
         let truth = bench.plant.truth();
         println!(

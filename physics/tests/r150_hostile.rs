@@ -15,7 +15,7 @@ use proptest::prelude::*;
 use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side, Sides};
 use rigsim_physics::world::Obstacle;
-use rigsim_physics::{Ground, Plant as _, Pose, R150PlantSettings};
+use rigsim_physics::{Ground, Plant as _, Pose, R150PlantSettings, Wrench};
 
 /// Something that a client, an operator or a scenario may do.
 #[derive(Debug, Clone)]
@@ -102,7 +102,7 @@ fn apply(bench: &mut Bench, action: &Action) {
         }),
         Action::Wire(rail, load) => plant.set_load(Rail::ALL[rail], load),
         Action::Payload(mass) => plant.set_payload(world, mass),
-        Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
+        Action::Push(ahead, left, turn) => plant.set_push(Wrench { ahead, left, turn }),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Faults(left, faults) => {
             plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);

@@ -6,7 +6,7 @@ use common::{Bench, FRICTION};
 use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::r150::Side;
 use rigsim_physics::world::Obstacle;
-use rigsim_physics::{Ground, Plant as _, Pose, R150Plant, R150PlantSettings};
+use rigsim_physics::{Ground, Plant as _, Pose, R150Plant, R150PlantSettings, Wrench};
 
 #[test]
 fn a_little_duty_does_not_move_it_and_a_little_more_does() {
@@ -198,17 +198,23 @@ fn without_the_brake_the_shorted_motors_let_it_creep_and_open_ones_let_it_run() 
 fn pushed_when_released_and_unpowered_it_rolls() {
     let mut bench = Bench::new();
     bench.command(|commands| commands.propulsion_power = false);
-    bench.plant.set_push([200.0, 0.0, 0.0]);
+    bench.plant.set_push(Wrench {
+        ahead: 200.0,
+        ..Wrench::default()
+    });
     bench.run(2.0);
     println!("pushed with 200 N for 2 s: {:.3} m/s", bench.speed());
     assert!(bench.speed() > 0.5);
-    bench.plant.set_push([0.0, 0.0, 0.0]);
+    bench.plant.set_push(Wrench::default());
     bench.run_while(20.0, |bench| !bench.plant.at_rest());
     assert!(bench.plant.at_rest());
     // Parked, the same push does not move it.
     bench.command(|commands| commands.parking_brake = true);
     let from = bench.plant.truth().motion.pose.x;
-    bench.plant.set_push([200.0, 0.0, 0.0]);
+    bench.plant.set_push(Wrench {
+        ahead: 200.0,
+        ..Wrench::default()
+    });
     bench.run(2.0);
     assert!((bench.plant.truth().motion.pose.x - from).abs() < 0.02);
 }

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use car::Car;
 use common::Bench;
+use rigsim_physics::Wrench;
 use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::noise::Noise;
 use rigsim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side};
@@ -163,9 +164,13 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
     story
         .bench
         .command(|commands| commands.parking_brake = true);
-    story.bench.plant.set_push([2000.0, 900.0, 0.0]);
+    story.bench.plant.set_push(Wrench {
+        ahead: 2000.0,
+        left: 900.0,
+        ..Wrench::default()
+    });
     story.drive(0.0, 0.0, 1.0);
-    story.bench.plant.set_push([0.0; 3]);
+    story.bench.plant.set_push(Wrench::default());
     story.bench.world.set_ground(Ground::flat(0.8));
     story
         .bench
@@ -175,9 +180,12 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
     story
         .bench
         .command(|commands| commands.rail_on = [false; 6]);
-    story.bench.plant.set_push([-900.0, 0.0, 0.0]);
+    story.bench.plant.set_push(Wrench {
+        ahead: -900.0,
+        ..Wrench::default()
+    });
     story.drive(-0.5, -0.5, 1.0);
-    story.bench.plant.set_push([0.0; 3]);
+    story.bench.plant.set_push(Wrench::default());
     story.bench.command(|commands| {
         commands.rail_on = [true; 6];
         commands.propulsion_power = false;
@@ -316,7 +324,11 @@ fn rolls(settings: &MecanumPlantSettings) -> Vec<String> {
     car.turn([-1; 4], 1.0);
     run(&mut car, 1.0);
     car.brake();
-    car.plant.set_push([90.0, 20.0, 0.0]);
+    car.plant.set_push(Wrench {
+        ahead: 90.0,
+        left: 20.0,
+        ..Wrench::default()
+    });
     run(&mut car, 1.0);
     car.turn([1; 4], 1.0);
     run(&mut car, 5.0);

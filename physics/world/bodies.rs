@@ -4,15 +4,13 @@ use rapier2d::prelude as rapier;
 
 use super::{Body, BodyId, BodyShape, World, rapier_pose, rapier_vector};
 use crate::pose::{BodyMotion, Pose};
+use crate::twist::Twist;
 
 /// Course of a body through a step, part by part. Vectors are in the axes that it has at the
 /// beginning, so that momentum stays what it is as it turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Course {
-    /// m/s
-    velocity: [f64; 2],
-    /// rad/s
-    yaw_rate: f64,
+    velocity: Twist,
     /// m
     way: [f64; 2],
     /// By which it has turned, rad, and the cosine and the sine of that.
@@ -21,12 +19,11 @@ pub struct Course {
 }
 
 impl Course {
-    /// Of a body that has this velocity ahead and left (m/s) and yaw rate (rad/s).
+    /// Of a body that has this velocity.
     #[must_use]
-    pub fn new([ahead, left, yaw_rate]: [f64; 3]) -> Self {
+    pub fn new(velocity: Twist) -> Self {
         Self {
-            velocity: [ahead, left],
-            yaw_rate,
+            velocity,
             way: [0.0; 2],
             turn: 0.0,
             axes: [1.0, 0.0],
@@ -37,30 +34,35 @@ impl Course {
     /// turns on as it does.
     #[must_use]
     pub fn part(&self, seconds: f64) -> Part {
-        let axes = turned(self.axes, rotation(self.yaw_rate * seconds));
+        let axes = turned(self.axes, rotation(self.velocity.turn * seconds));
         Part { axes, seconds }
     }
 
-    /// Velocity in the axes of a part: ahead, left and yaw rate.
+    /// Returns the velocity in the axes of a part.
     #[must_use]
-    pub fn coasting(&self, part: Part) -> [f64; 3] {
-        let [ahead, left] = part.look_at(self.velocity);
-        [ahead, left, self.yaw_rate]
+    pub fn coasting(&self, part: Part) -> Twist {
+        let [ahead, left] = part.look_at([self.velocity.ahead, self.velocity.left]);
+        Twist {
+            ahead,
+            left,
+            ..self.velocity
+        }
     }
 
     /// Goes on by a part, evenly, to the velocity that it has in the axes of the part.
-    pub fn go_on(&mut self, part: Part, [ahead, left, yaw_rate]: [f64; 3]) {
+    pub fn go_on(&mut self, part: Part, velocity: Twist) {
         let half = part.seconds / 2.0;
-        let turn = half * (self.yaw_rate + yaw_rate);
+        let turn = half * (self.velocity.turn + velocity.turn);
         self.turn += turn;
         self.axes = turned(self.axes, rotation(turn));
-        self.yaw_rate = yaw_rate;
-        let velocity = turned([ahead, left], part.axes);
-        let mean = self.velocity.iter().zip(velocity);
-        for (way, (before, after)) in self.way.iter_mut().zip(mean) {
-            *way += half * (before + after);
-        }
-        self.velocity = velocity;
+        let [ahead, left] = turned([velocity.ahead, velocity.left], part.axes);
+        self.way[0] += half * (self.velocity.ahead + ahead);
+        self.way[1] += half * (self.velocity.left + left);
+        self.velocity = Twist {
+            ahead,
+            left,
+            ..velocity
+        };
     }
 }
 
@@ -185,9 +187,9 @@ impl World {
     /// beginning, or the contact would leave half of what pushes it.
     pub fn lead(&mut self, id: BodyId, course: &Course) {
         let motion = self.motion(id);
-        let end = motion.to_world(course.velocity);
+        let end = motion.to_world([course.velocity.ahead, course.velocity.left]);
         if self.is_touching(id) {
-            self.set_velocity(id, end, course.yaw_rate);
+            self.set_velocity(id, end, course.velocity.turn);
             return;
         }
         let seconds = self.step.as_secs_f64();
@@ -196,7 +198,7 @@ impl World {
         self.set_velocity(id, mean, mean_yaw_rate);
         self.bodies[id.0].lead = Some(Lead {
             mean: (rapier_vector(mean), mean_yaw_rate),
-            end: (rapier_vector(end), course.yaw_rate),
+            end: (rapier_vector(end), course.velocity.turn),
         });
     }
 

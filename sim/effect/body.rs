@@ -70,8 +70,9 @@ impl BodyFault {
             }
             Self::Payload { mass } => body.payload += mass.0,
             Self::Push { ahead, left, turn } => {
-                let [old_ahead, old_left, old_turn] = body.push;
-                body.push = [old_ahead + ahead.0, old_left + left.0, old_turn + turn.0];
+                body.push.ahead += ahead.0;
+                body.push.left += left.0;
+                body.push.turn += turn.0;
             }
         }
     }

@@ -2,6 +2,7 @@
 #![allow(unreachable_pub, reason = "shared by including the file")]
 
 use proptest::prelude::*;
+use rigsim_physics::Wrench;
 use rigsim_physics::faults::{BodyFaults, EncoderState, MotorFaults};
 
 /// Mostly sensible, sometimes absurd; often within ±2, and less often within ±`usual`.
@@ -45,6 +46,10 @@ pub fn any_body_faults(usual: f64) -> impl Strategy<Value = BodyFaults> {
     (any(usual), any(usual), any(usual)).prop_map(|(friction, payload, push)| BodyFaults {
         friction: Some(friction),
         payload,
-        push: [push, push, -push],
+        push: Wrench {
+            ahead: push,
+            left: push,
+            turn: -push,
+        },
     })
 }

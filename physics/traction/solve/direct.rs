@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::super::{Chassis, Contact, PatchState, Traction, Wheel};
 use super::Row;
+use crate::twist::Twist;
 
 /// The body's momentum balance, `matrix · velocity = right`, for forward, left and yaw rate.
 struct BodyEquations {
@@ -34,7 +35,7 @@ enum Hold {
 
 /// A solution that has yet to prove itself.
 struct Candidate<const WHEELS: usize> {
-    velocity: [f64; 3],
+    velocity: Twist,
     speeds: [f64; WHEELS],
     holds: [Hold; WHEELS],
 }
@@ -93,7 +94,11 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
             }
         }
         let candidate = Candidate {
-            velocity: velocity.into(),
+            velocity: Twist {
+                ahead: velocity.x,
+                left: velocity.y,
+                turn: velocity.z,
+            },
             speeds,
             holds,
         };
@@ -148,9 +153,10 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
 impl BodyEquations {
     fn new(chassis: &Chassis) -> Self {
         let inertia = Vector3::new(chassis.mass, chassis.mass, chassis.inertia);
+        let Twist { ahead, left, turn } = chassis.velocity;
         Self {
             matrix: Matrix3::from_diagonal(&inertia),
-            right: inertia.component_mul(&Vector3::from(chassis.velocity)),
+            right: inertia.component_mul(&Vector3::new(ahead, left, turn)),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::super::{Chassis, Contact, PatchState, Traction, Wheel};
 use super::Row;
+use crate::twist::Twist;
 
 /// Rounds of the iteration at most. The default vehicle needs one to seven; the bound makes the
 /// cost of a step bounded for any settings.
@@ -94,13 +95,13 @@ impl Mobility {
         &self,
         patch: &PatchState<C>,
         impulse: [f64; 2],
-        velocity: &mut [f64; 3],
+        velocity: &mut Twist,
         wheel: &mut Wheel,
     ) {
         let [ahead, left] = patch.contact.join(impulse);
-        velocity[0] += ahead * self.push;
-        velocity[1] += left * self.push;
-        velocity[2] += (patch.place.x * left - patch.place.y * ahead) * self.turn;
+        velocity.ahead += ahead * self.push;
+        velocity.left += left * self.push;
+        velocity.turn += (patch.place.x * left - patch.place.y * ahead) * self.turn;
         wheel.speed -= self.radius * ahead * wheel.compliance;
     }
 }

@@ -1,6 +1,6 @@
 //! The mecanum car in the rig: firmware, line, hardware and world together.
 
-use rigsim_physics::Plant as _;
+use rigsim_physics::{Plant as _, Wrench};
 use std::time::Duration;
 
 use rigsim_physics::faults::MotorFaults;
@@ -358,7 +358,10 @@ fn a_car_that_is_pushed_back_believes_that_it_drove_forward() {
         settings.firmware.idle_wheels = IdleWheels::Release;
     });
     rig.with_device(0, |car: &mut Mecanum, _, _| {
-        car.plant_mut().set_push([-30.0, 0.0, 0.0])
+        car.plant_mut().set_push(Wrench {
+            ahead: -30.0,
+            ..Wrench::default()
+        })
     });
     let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
     let truth =
