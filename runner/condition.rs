@@ -76,16 +76,34 @@ pub(crate) struct Saved {
 pub(crate) type Devices<'a> = [(&'a str, &'static DeviceSpec)];
 
 /// State of a run that conditions are evaluated against.
-#[derive(Clone, Copy)]
-pub(crate) struct Situation<'a> {
+pub(crate) struct Situation {
     /// The devices and their world.
-    pub rig: &'a Rig,
+    pub rig: Rig,
     /// Observations of each device, by its index.
-    pub counters: &'a [Counters],
+    pub counters: Vec<Counters>,
     /// Values that steps have remembered so far.
-    pub saved: &'a [Option<Reading>],
+    pub saved: Vec<Option<Reading>>,
     /// Numbers that clients have published so far, by their names in conditions.
-    pub published: &'a BTreeMap<String, f64>,
+    pub published: BTreeMap<String, f64>,
+}
+
+impl Situation {
+    /// Returns whether a condition holds, unless it speaks of what no step has remembered yet.
+    ///
+    /// # Errors
+    /// As [`Condition::holds`].
+    pub(crate) fn evaluate(&self, condition: &Condition) -> Result<Option<bool>, ExpressionError> {
+        let known = condition.is_known(self);
+        known.then(|| condition.holds(self)).transpose()
+    }
+
+    /// Returns whether a condition holds; what is not known yet does not.
+    ///
+    /// # Errors
+    /// As [`Condition::holds`].
+    pub(crate) fn holds(&self, condition: &Condition) -> Result<bool, ExpressionError> {
+        Ok(self.evaluate(condition)?.unwrap_or(false))
+    }
 }
 
 impl Condition {
@@ -142,7 +160,7 @@ impl Condition {
     }
 
     /// Returns whether all that it speaks of has a value by now: what steps remember has none before.
-    pub(crate) fn is_known(&self, situation: Situation<'_>) -> bool {
+    pub(crate) fn is_known(&self, situation: &Situation) -> bool {
         let mut names = self.names.iter();
         names.all(|(name, origin)| origin.read(name, situation).is_some())
     }
@@ -151,7 +169,7 @@ impl Condition {
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
-    pub(crate) fn holds(&self, situation: Situation<'_>) -> Result<bool, ExpressionError> {
+    pub(crate) fn holds(&self, situation: &Situation) -> Result<bool, ExpressionError> {
         match self.value(situation)? {
             Reading::Flag(holds) => Ok(holds),
             Reading::Number(_) => Err(ExpressionError::NoFlag {
@@ -164,7 +182,7 @@ impl Condition {
     ///
     /// # Errors
     /// As [`Condition::holds`].
-    pub(crate) fn value(&self, situation: Situation<'_>) -> Result<Reading, ExpressionError> {
+    pub(crate) fn value(&self, situation: &Situation) -> Result<Reading, ExpressionError> {
         let value = self.value_of(&self.expression, situation);
         value.map_err(|why| ExpressionError::NoValue {
             expression: self.text.clone(),
@@ -173,7 +191,7 @@ impl Condition {
     }
 
     /// Evaluates a part of it now; or says why it has no value.
-    fn value_of(&self, part: &Expression, situation: Situation<'_>) -> Result<Reading, String> {
+    fn value_of(&self, part: &Expression, situation: &Situation) -> Result<Reading, String> {
         let resolver = Resolver {
             names: &self.names,
             situation,
@@ -189,7 +207,7 @@ impl Condition {
     }
 
     /// The values of the names in it, as in `truth.speed_mps = 1.2`, which say why it holds or not.
-    pub(crate) fn explain(&self, situation: Situation<'_>) -> String {
+    pub(crate) fn explain(&self, situation: &Situation) -> String {
         let values = self.names.iter().map(|(name, origin)| {
             let value = origin.read(name, situation).unwrap_or(NOTHING);
             format!("{name} = {value}")
@@ -200,7 +218,7 @@ impl Condition {
 
 impl Origin {
     /// The value of a name now; `None` if no step has remembered it yet, or no client published it.
-    pub(crate) fn read(self, name: &str, situation: Situation<'_>) -> Option<Reading> {
+    pub(crate) fn read(self, name: &str, situation: &Situation) -> Option<Reading> {
         let Situation {
             rig,
             counters,
@@ -224,7 +242,7 @@ impl Origin {
 
 struct Resolver<'a> {
     names: &'a BTreeMap<String, Origin>,
-    situation: Situation<'a>,
+    situation: &'a Situation,
 }
 
 impl VariableResolver for Resolver<'_> {

@@ -43,18 +43,21 @@ mod client;
 mod context;
 mod direct;
 mod excuses;
+mod expectations;
 mod host;
 mod instant;
 mod judge;
 mod margin;
 mod newest;
 mod outcome;
+mod plan;
 mod ports;
 mod probe;
 mod published;
 pub(crate) mod record;
 mod recorder;
 mod responses;
+mod rules;
 mod steps;
 mod verdict;
 
@@ -76,18 +79,18 @@ pub use outcome::{Context, DeviceReport, Failure, FailureKind, FaultRecord, Marg
 pub use probe::Probe;
 pub use published::{MOST_LINE, PublishError};
 
-use crate::condition::Reading;
+use crate::condition::Situation;
 use crate::scenario::Scenario;
 use agenda::Agenda;
 use excuses::Excuses;
-use host::HostPort;
-use judge::{Expected, RuleState};
+use expectations::Expectations;
+use host::Script;
 use newest::Newest;
+use plan::Plan;
 use ports::Ports;
 use published::Published;
 use record::Record;
 use recorder::Recorder;
-use responses::ResponseState;
 use steps::StepState;
 
 /// Rounds at one instant after which a scenario is given up: its steps set one another off.
@@ -148,19 +151,15 @@ impl RunOptions {
 
 /// A scenario that is being played, or devices that are being served.
 pub struct Run {
-    scenario: Arc<Scenario>,
-    options: RunOptions,
-    rig: Rig,
+    plan: Plan,
+    situation: Situation,
     ports: Ports,
-    counters: Vec<Counters>,
     agenda: Agenda,
     steps: Vec<StepState>,
     expectations: Expectations,
-    /// Values that steps have remembered.
-    saved: Vec<Option<Reading>>,
     published: Published,
     excuses: Excuses,
-    hosts: BTreeMap<PortId, HostPort>,
+    script: Script,
     recorder: Option<Recorder>,
     /// Set if every byte is looked at when it arrives: for a trace, a scripted client, or one whose
     /// time is the run's.
@@ -171,14 +170,6 @@ pub struct Run {
     failures: Failures,
     limit: SimTime,
     outcome: Option<Outcome>,
-}
-
-/// What is expected of the client, and how far that has come.
-struct Expectations {
-    rules: Vec<RuleState>,
-    responses: Vec<ResponseState>,
-    /// Steps that wait for what they expect.
-    steps: Vec<Expected>,
 }
 
 /// What has failed, and what happened before.
@@ -216,18 +207,18 @@ impl Run {
             .then(|| Recorder::new(&scenario, world, options));
         let mut run = Self {
             ports: Ports::new(ids, devices),
-            counters: (0..devices).map(|_| Counters::default()).collect(),
             agenda: Agenda::default(),
             steps: StepState::all(&scenario, options.seed),
-            expectations: Expectations {
-                rules: vec![RuleState::default(); scenario.rules.len()],
-                responses: vec![ResponseState::default(); scenario.responses.len()],
-                steps: Vec::new(),
+            expectations: Expectations::new(&scenario),
+            situation: Situation {
+                rig,
+                counters: (0..devices).map(|_| Counters::default()).collect(),
+                saved: vec![None; scenario.saved.len()],
+                published: BTreeMap::new(),
             },
-            saved: vec![None; scenario.saved.len()],
             published: Published::default(),
             excuses: Excuses::new(devices),
-            hosts: BTreeMap::new(),
+            script: Script::default(),
             recorder,
             follows_bytes: options.trace || !options.live || scenario.scripted.contains(&true),
             events: Newest::new(MOST_EVENTS),
@@ -240,9 +231,7 @@ impl Run {
             },
             limit: SimTime::ZERO + scenario.limit,
             outcome: None,
-            scenario,
-            options,
-            rig,
+            plan: Plan { scenario, options },
         };
         run.open_script()?;
         run.schedule();
@@ -254,7 +243,7 @@ impl Run {
     /// # Errors
     /// When the simulation or the scenario cannot go on.
     pub fn play(&mut self, trace: &mut dyn FnMut(&str)) -> Result<&Outcome, RunError> {
-        let mut to = self.rig.now();
+        let mut to = self.situation.rig.now();
         while self.outcome.is_none() {
             to += SLICE;
             self.advance(to)?;
@@ -287,8 +276,8 @@ impl Run {
         let to = to.min(self.limit);
         let next = self.next_instant();
         let before = (next - NANOSECOND).min(to);
-        if next > self.rig.now() && self.rig.advance_to_event(before)? {
-            self.process_events(self.rig.now())?;
+        if next > self.situation.rig.now() && self.situation.rig.advance_to_event(before)? {
+            self.process_events(self.situation.rig.now())?;
         } else if next > to {
             return Ok(false);
         } else {
@@ -310,13 +299,13 @@ impl Run {
     /// The devices and the world, to look at.
     #[must_use]
     pub fn rig(&self) -> &Rig {
-        &self.rig
+        &self.situation.rig
     }
 
     /// The same, for tests that install observers before the run begins.
     #[doc(hidden)]
     pub fn rig_mut(&mut self) -> &mut Rig {
-        &mut self.rig
+        &mut self.situation.rig
     }
 
     /// The ports of all devices.
@@ -328,19 +317,19 @@ impl Run {
     /// The scenario.
     #[must_use]
     pub fn scenario(&self) -> &Scenario {
-        &self.scenario
+        &self.plan.scenario
     }
 
     /// From which everything random is derived.
     #[must_use]
     pub fn seed(&self) -> u64 {
-        self.options.seed
+        self.plan.options.seed
     }
 
     /// Returns whether a real client stands in the place of the scripted one.
     #[must_use]
     pub fn is_live(&self) -> bool {
-        self.options.live
+        self.plan.options.live
     }
 
     /// Outcome of it; `None` while it goes on.
@@ -360,19 +349,22 @@ impl Run {
     /// Something outside of the simulation went wrong, as a real client that ended with an error;
     /// the run does not pass.
     pub fn fail(&mut self, what: String) {
-        let at = self.rig.now();
+        let at = self.situation.rig.now();
         self.add_failure(FailureKind::Client, at, None, what);
     }
 
     /// Counts of what happened at each device so far, and of what is attributed to its client.
     pub fn reports(&self) -> impl Iterator<Item = &Report> {
-        self.counters.iter().map(|counters| &counters.report)
+        self.situation
+            .counters
+            .iter()
+            .map(|counters| &counters.report)
     }
 
     /// Number of events that were lost because they were not taken.
     #[must_use]
     pub fn events_lost(&self) -> u64 {
-        self.events.lost + self.rig.events_lost()
+        self.events.lost + self.situation.rig.events_lost()
     }
 
     /// Number of events that are attributed to no party because the simulator was late.

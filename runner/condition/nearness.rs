@@ -29,16 +29,16 @@ impl Condition {
     /// Distance from holding, 0 at most; larger is nearer. Numbers that are compared count by how
     /// far they are apart, as a part of the larger one; of what must hold together, all that does
     /// not counts.
-    pub(crate) fn nearness(&self, situation: Situation<'_>) -> f64 {
+    pub(crate) fn nearness(&self, situation: &Situation) -> f64 {
         self.margin(situation).min(0.0)
     }
 
     /// The distance from changing between true and false, positive where it holds.
-    pub(crate) fn margin(&self, situation: Situation<'_>) -> f64 {
+    pub(crate) fn margin(&self, situation: &Situation) -> f64 {
         self.margin_of(&self.expression, situation)
     }
 
-    fn margin_of(&self, part: &Expression, situation: Situation<'_>) -> f64 {
+    fn margin_of(&self, part: &Expression, situation: &Situation) -> f64 {
         if let Expr::Call(call) = &part.expr
             && let Some(margin) = self.margin_of_call(call, situation)
         {
@@ -50,7 +50,7 @@ impl Condition {
         }
     }
 
-    fn margin_of_call(&self, call: &CallExpr, situation: Situation<'_>) -> Option<f64> {
+    fn margin_of_call(&self, call: &CallExpr, situation: &Situation) -> Option<f64> {
         let margin = |at: usize| Some(self.margin_of(call.args.get(at)?, situation));
         let number = |at: usize| match self.value_of(call.args.get(at)?, situation) {
             Ok(Reading::Number(number)) if number.is_finite() => Some(number),

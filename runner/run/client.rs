@@ -72,26 +72,27 @@ impl Run {
         if self.outcome.is_some() || self.ports.lines.insert(port, line) == Some(line) {
             return;
         }
-        let t = self.rig.now().as_nanos();
+        let t = self.situation.rig.now().as_nanos();
         self.record(|| Record::Line {
             t,
             port: port.into(),
             line,
         });
-        self.rig.set_client_line(port, line);
+        self.situation.rig.set_client_line(port, line);
     }
 
     /// Adds to `bytes` what has arrived at the client.
     pub fn read(&mut self, port: PortId, bytes: &mut Vec<u8>) {
         if let Some(index) = self.ports.at(port) {
-            self.read_port(index, self.rig.now());
+            self.read_port(index, self.situation.rig.now());
             bytes.append(&mut self.ports.unread[index]);
         }
     }
 
     /// The client has set the modem lines of its end, at the present time.
     pub fn set_modem_lines(&mut self, port: PortId, dtr: bool, rts: bool) {
-        self.rig
+        self.situation
+            .rig
             .emit_line_event(port, LineEvent::ModemLines { dtr, rts });
     }
 
@@ -133,20 +134,23 @@ impl Run {
 
     /// The client did not read, and `bytes` of what it should have got were lost.
     pub fn client_lost(&mut self, port: PortId, bytes: u64) {
-        self.rig.emit_line_event(port, LineEvent::Overrun { bytes });
+        self.situation
+            .rig
+            .emit_line_event(port, LineEvent::Overrun { bytes });
     }
 
     /// The machine stalled the simulator for so long that simulated time stood still: for `real`,
     /// in which `stood` of simulated time would have passed.
     pub fn stalled(&mut self, real: Duration, stood: Duration) {
-        self.rig
+        self.situation
+            .rig
             .emit_at_all(LineEvent::SimulatorStalled { by: real });
         self.late(stood, stood);
     }
 
     /// The machine is too slow for what it is to compute.
     pub fn too_slow(&mut self) {
-        self.rig.emit_at_all(LineEvent::SimulatorTooSlow);
+        self.situation.rig.emit_at_all(LineEvent::SimulatorTooSlow);
     }
 
     /// The simulator was late, or paused: what the clients have sent that was not read yet may be
@@ -157,22 +161,22 @@ impl Run {
             return;
         }
         if !stood.is_zero() {
-            self.excuses.extend(self.rig.now(), stood);
+            self.excuses.extend(self.situation.rig.now(), stood);
         }
         let nanos = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
-        let t = self.rig.now().as_nanos();
+        let t = self.situation.rig.now().as_nanos();
         self.record(|| Record::Late {
             t,
             by: nanos(by),
             stood: nanos(stood),
         });
-        self.rig.late(by, stood);
+        self.situation.rig.late(by, stood);
     }
 
     /// Does whatever comes before what a client does at `now`, and says when that is; `None` if the
     /// run is over by then.
     pub(super) fn go_before(&mut self, now: SimTime) -> Result<Option<SimTime>, RunError> {
-        let at = now.max(self.rig.now() + NANOSECOND);
+        let at = now.max(self.situation.rig.now() + NANOSECOND);
         // The end belongs to the run alone.
         let last = self.limit - NANOSECOND;
         if at > last {

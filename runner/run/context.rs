@@ -26,7 +26,7 @@ impl Run {
     pub(super) fn in_effect(&self) -> (Vec<String>, Vec<String>) {
         let mut armed = Vec::new();
         let mut others = Vec::new();
-        for (step, state) in self.scenario.steps.iter().zip(&self.steps) {
+        for (step, state) in self.plan.scenario.steps.iter().zip(&self.steps) {
             let Some(since) = state.since else { continue };
             let said = |what: &str| format!("\"{}\" ({what}), from {since} s on", step.name);
             match &step.action {
@@ -45,7 +45,7 @@ impl Run {
     }
 
     fn words(&self, event: &Event) -> String {
-        let devices = &self.scenario.rig.devices;
+        let devices = &self.plan.scenario.rig.devices;
         let name = devices.get(event.device).map_or("?", |plan| &plan.name);
         let mark = match event.kind.role() {
             Role::Request => "->",

@@ -66,7 +66,7 @@ impl Run {
     /// When the expression makes no sense, or has no value.
     pub fn value(&self, expression: &str) -> Result<Reading, ExpressionError> {
         self.in_scope(|scope| Condition::parse_value(expression, scope))?
-            .value(self.situation())
+            .value(&self.situation)
     }
 
     /// A condition as scenario files have them, to be asked for often with [`Run::holds`].
@@ -80,10 +80,10 @@ impl Run {
     /// Reads something in which names stand, as they are in the scenario.
     pub(crate) fn in_scope<T>(&self, read: impl FnOnce(&Scope<'_>) -> T) -> T {
         let scope = Scope {
-            devices: &self.scenario.rig.kinds(),
-            usual: self.scenario.usual_device(),
-            saved: &self.scenario.saved,
-            parameters: &self.scenario.parameters,
+            devices: &self.plan.scenario.rig.kinds(),
+            usual: self.plan.scenario.usual_device(),
+            saved: &self.plan.scenario.saved,
+            parameters: &self.plan.scenario.parameters,
         };
         read(&scope)
     }
@@ -99,11 +99,13 @@ impl Run {
     /// Says in words what is wrong with the text; or the run is over or cannot go on.
     pub fn add_step(&mut self, text: &str) -> Result<usize, StepError> {
         let source = Source { file: FILE, text };
-        let (mut step, saved) = read_step(source, &self.scenario)?;
+        let (mut step, saved) = read_step(source, &self.plan.scenario)?;
         if saved.len() > MOST_STEPS {
             return Err(StepError::TooMany);
         }
-        let at = self.go_before(self.rig.now())?.ok_or(StepError::Over)?;
+        let at = self
+            .go_before(self.situation.rig.now())?
+            .ok_or(StepError::Over)?;
         step.optional = true;
         let index = self.place_for_step().ok_or(StepError::TooMany)?;
         self.record(|| Record::Add {
@@ -111,7 +113,7 @@ impl Run {
             step: step.name.clone(),
             text: text.to_owned(),
         });
-        let mut state = StepState::new(&step, self.options.seed);
+        let mut state = StepState::new(&step, self.plan.options.seed);
         state.added = true;
         let begin = match step.trigger {
             Trigger::At(times) => Some(at + state.draw(times)),
@@ -120,11 +122,11 @@ impl Run {
             }
             Trigger::When(_) | Trigger::After(_) => None,
         };
-        let scenario = Arc::make_mut(&mut self.scenario);
+        let scenario = Arc::make_mut(&mut self.plan.scenario);
         scenario.saved = saved;
         if index < scenario.steps.len() {
             for action in std::mem::take(&mut self.steps[index].effects) {
-                self.rig.keep(action);
+                self.situation.rig.keep(action);
             }
             scenario.steps[index] = step;
             self.steps[index] = state;
@@ -147,12 +149,16 @@ impl Run {
             return Some(self.steps.len());
         }
         let waited_for = |index: usize| {
-            self.scenario.steps.iter().any(|step| match step.trigger {
-                Trigger::After(other) => other == index,
-                Trigger::At(_) | Trigger::When(_) => false,
-            })
+            self.plan
+                .scenario
+                .steps
+                .iter()
+                .any(|step| match step.trigger {
+                    Trigger::After(other) => other == index,
+                    Trigger::At(_) | Trigger::When(_) => false,
+                })
         };
-        let steps = self.scenario.steps.iter().zip(&self.steps).enumerate();
+        let steps = self.plan.scenario.steps.iter().zip(&self.steps).enumerate();
         let over = steps.filter_map(|(index, (step, state))| {
             // One that could still be undone is forgotten before a further one is refused.
             let breaks = step.fault().is_some() && !state.effects.is_empty();
@@ -171,10 +177,10 @@ impl Run {
         if self.steps.get(index).is_none_or(StepState::is_over) {
             return Ok(());
         }
-        let Some(at) = self.go_before(self.rig.now())? else {
+        let Some(at) = self.go_before(self.situation.rig.now())? else {
             return Ok(());
         };
-        let step = self.scenario.steps[index].name.clone();
+        let step = self.plan.scenario.steps[index].name.clone();
         self.record(|| Record::Clear {
             t: at.as_nanos(),
             step,
@@ -185,7 +191,7 @@ impl Run {
 
     /// Writes down that time passes otherwise from now on, which changes nothing in the run.
     pub fn record_pace(&mut self, change: &str) {
-        let t = self.rig.now().as_nanos();
+        let t = self.situation.rig.now().as_nanos();
         if self.outcome.is_none() {
             self.record(|| Record::Pace {
                 t,
@@ -197,14 +203,14 @@ impl Run {
     /// Index of the step of this name.
     #[must_use]
     pub fn step_named(&self, name: &str) -> Option<usize> {
-        let mut steps = self.scenario.steps.iter();
+        let mut steps = self.plan.scenario.steps.iter();
         steps.position(|step| step.name == name)
     }
 
     /// Reports of all steps that are played in this run, in their order.
     pub fn steps(&self) -> impl Iterator<Item = StepReport<'_>> {
-        let steps = self.scenario.steps.iter().enumerate();
-        let played = steps.filter(|(_, step)| self.is_played(step));
+        let steps = self.plan.scenario.steps.iter().enumerate();
+        let played = steps.filter(|(_, step)| self.plan.is_played(step));
         played.filter_map(|(index, _)| self.step_report(index))
     }
 
@@ -218,7 +224,7 @@ impl Run {
     /// Report of a step.
     #[must_use]
     pub fn step_report(&self, index: usize) -> Option<StepReport<'_>> {
-        let (step, state) = (self.scenario.steps.get(index)?, self.steps.get(index)?);
+        let (step, state) = (self.plan.scenario.steps.get(index)?, self.steps.get(index)?);
         let (key, what) = match &step.action {
             StepAction::Effect(effect) => (effect.info().level.key(), effect.info().id),
             StepAction::Expect { that, .. } => ("expect", that.text.as_str()),
@@ -227,7 +233,7 @@ impl Run {
         };
         Some(StepReport {
             name: &step.name,
-            device: &self.scenario.rig.devices[step.device].name,
+            device: &self.plan.scenario.rig.devices[step.device].name,
             key,
             what,
             added: state.added,
@@ -235,7 +241,7 @@ impl Run {
             done: state.done,
             failure: state.failure.as_deref(),
             lasting: !state.is_over(),
-            hits: state.hits_so_far(&self.rig),
+            hits: state.hits_so_far(&self.situation.rig),
         })
     }
 }

@@ -1,5 +1,7 @@
 //! The scripted client: it sends what the file says and compares what comes back.
 
+use std::collections::BTreeMap;
+
 use rigsim_core::SimTime;
 use rigsim_core::device::host::{Frame, FrameReader, Reply, Sender};
 use rigsim_core::line::ClientLine;
@@ -11,8 +13,17 @@ use super::{Run, RunError};
 use crate::rig_file::DevicePlan;
 use crate::scenario::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
+/// The scripted client's ends of its ports.
+#[derive(Default)]
+pub(super) struct Script {
+    ports: BTreeMap<PortId, HostPort>,
+}
+
+/// A step whose wait is over, and why it fails if it does.
+type Over = (usize, Option<String>);
+
 /// The scripted client's end of a port.
-pub(super) struct HostPort {
+struct HostPort {
     /// Set if its port is open; what it sends without that goes nowhere.
     open: bool,
     reader: Box<dyn FrameReader>,
@@ -75,92 +86,19 @@ impl Waiting {
     }
 }
 
-impl Run {
-    /// Opens the scripted client's ports.
-    pub(super) fn open_script(&mut self) -> Result<(), RunError> {
-        for port in self.ports.ids.clone() {
-            if !self.has_script(port.device) {
-                continue;
-            }
-            let plan = &self.scenario.rig.devices[port.device];
-            let host = HostPort::new(plan, port.link);
-            self.hosts.extend(host.map(|host| (port, host)));
-            self.rig.attach(port, SimTime::ZERO)?;
-        }
-        Ok(())
-    }
-
-    pub(super) fn host_acts(&mut self, step: usize, action: &HostAction, now: SimTime) {
-        let port = action.port;
-        match &action.does {
-            HostDoes::Send(_) if !self.has_open(port) => {}
-            HostDoes::Send(bytes) => {
-                self.record(|| Record::Host {
-                    t: now.as_nanos(),
-                    port: port.into(),
-                    bytes: Hexed(bytes.clone()),
-                });
-                self.rig.client_puts(port, bytes);
-            }
-            HostDoes::Open if self.rig.cable_pulled(port) => {
-                // Who tries again and again is not wrong yet.
-                if self.scenario.steps[step].every.is_none() {
-                    let why = "the port cannot be opened while its cable is out; with `every`, it is \
-                               tried again";
-                    self.fail_step(step, now, why.to_owned());
-                }
-            }
-            HostDoes::Open => self.open_port(port, true, now),
-            HostDoes::Close => self.open_port(port, false, now),
-            HostDoes::Baud(baud) => self.rig.set_client_line(port, ClientLine::at(*baud)),
-            HostDoes::Nothing => {}
-        }
-        if let (Some(wanted), Some(host)) = (&action.expect, self.hosts.get_mut(&port)) {
-            let due = now + wanted.within;
-            host.waiting.push(Waiting {
-                step,
-                due,
-                wanted: wanted.clone(),
-                so_far: String::new(),
-            });
-            self.agenda.plan(due, Item::Judge);
-            self.time_begun(step);
-        }
+impl Script {
+    pub(super) fn has_port(&self, port: PortId) -> bool {
+        self.ports.contains_key(&port)
     }
 
     fn has_open(&self, port: PortId) -> bool {
-        self.hosts.get(&port).is_some_and(|host| host.open)
+        self.ports.get(&port).is_some_and(|host| host.open)
     }
 
-    fn open_port(&mut self, port: PortId, open: bool, now: SimTime) {
-        let Some(host) = self.hosts.get_mut(&port) else {
-            return;
-        };
-        if std::mem::replace(&mut host.open, open) == open {
-            return;
-        }
-        // The rig is where it is to be, so this goes no further and cannot fail.
-        let _ = if open {
-            self.rig.attach(port, now)
-        } else {
-            self.rig.detach(port, now)
-        };
-    }
-
-    /// The scripted client's port hangs up if its cable is out.
-    pub(super) fn hang_up(&mut self, device: usize, now: SimTime) {
-        let own: Vec<PortId> = self.hosts.keys().copied().collect();
-        for port in own {
-            if port.device == device && self.rig.cable_pulled(port) {
-                self.open_port(port, false, now);
-            }
-        }
-    }
-
-    /// Bytes have come for the scripted client.
-    pub(super) fn host_reads(&mut self, now: SimTime, port: PortId, bytes: &[u8]) {
-        let Some(host) = self.hosts.get_mut(&port) else {
-            return;
+    /// Bytes have come at a port. Returns the steps whose wait that ends, and why those fail.
+    pub(super) fn read(&mut self, now: SimTime, port: PortId, bytes: &[u8]) -> Vec<Over> {
+        let Some(host) = self.ports.get_mut(&port) else {
+            return Vec::new();
         };
         let chatters = host.chatters;
         let mut over = Vec::new();
@@ -183,13 +121,13 @@ impl Run {
                 false
             });
         }
-        self.answers_over(over, now);
+        over
     }
 
-    /// Ends the wait for replies whose time has come.
-    pub(super) fn host_due(&mut self, now: SimTime) {
+    /// Ends the wait for replies whose time has come, as [`read`](Self::read) does.
+    pub(super) fn due(&mut self, now: SimTime) -> Vec<Over> {
         let mut over = Vec::new();
-        for host in self.hosts.values_mut() {
+        for host in self.ports.values_mut() {
             host.waiting.retain(|waiting| {
                 if waiting.due > now {
                     return true;
@@ -200,17 +138,99 @@ impl Run {
                 false
             });
         }
-        self.answers_over(over, now);
+        over
     }
 
     /// The steps that still wait for an answer, and for what.
     pub(super) fn unanswered(&self) -> Vec<(usize, String)> {
-        let waiting = self.hosts.values().flat_map(|host| &host.waiting);
+        let waiting = self.ports.values().flat_map(|host| &host.waiting);
         let waiting = waiting.filter(|w| !matches!(w.wanted.wanted, Wanted::Silence));
         waiting.map(|w| (w.step, w.missing())).collect()
     }
+}
 
-    fn answers_over(&mut self, over: Vec<(usize, Option<String>)>, now: SimTime) {
+impl Run {
+    /// Opens the scripted client's ports.
+    pub(super) fn open_script(&mut self) -> Result<(), RunError> {
+        for port in self.ports.ids.clone() {
+            if !self.plan.has_script(port.device) {
+                continue;
+            }
+            let plan = &self.plan.scenario.rig.devices[port.device];
+            let host = HostPort::new(plan, port.link);
+            self.script.ports.extend(host.map(|host| (port, host)));
+            self.situation.rig.attach(port, SimTime::ZERO)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn host_acts(&mut self, step: usize, action: &HostAction, now: SimTime) {
+        let port = action.port;
+        match &action.does {
+            HostDoes::Send(_) if !self.script.has_open(port) => {}
+            HostDoes::Send(bytes) => {
+                self.record(|| Record::Host {
+                    t: now.as_nanos(),
+                    port: port.into(),
+                    bytes: Hexed(bytes.clone()),
+                });
+                self.situation.rig.client_puts(port, bytes);
+            }
+            HostDoes::Open if self.situation.rig.cable_pulled(port) => {
+                // Who tries again and again is not wrong yet.
+                if self.plan.scenario.steps[step].every.is_none() {
+                    let why = "the port cannot be opened while its cable is out; with `every`, it is \
+                               tried again";
+                    self.fail_step(step, now, why.to_owned());
+                }
+            }
+            HostDoes::Open => self.open_port(port, true, now),
+            HostDoes::Close => self.open_port(port, false, now),
+            HostDoes::Baud(baud) => self
+                .situation
+                .rig
+                .set_client_line(port, ClientLine::at(*baud)),
+            HostDoes::Nothing => {}
+        }
+        if let (Some(wanted), Some(host)) = (&action.expect, self.script.ports.get_mut(&port)) {
+            let due = now + wanted.within;
+            host.waiting.push(Waiting {
+                step,
+                due,
+                wanted: wanted.clone(),
+                so_far: String::new(),
+            });
+            self.agenda.plan(due, Item::Judge);
+            self.time_begun(step);
+        }
+    }
+
+    fn open_port(&mut self, port: PortId, open: bool, now: SimTime) {
+        let Some(host) = self.script.ports.get_mut(&port) else {
+            return;
+        };
+        if std::mem::replace(&mut host.open, open) == open {
+            return;
+        }
+        // The rig is where it is to be, so this goes no further and cannot fail.
+        let _ = if open {
+            self.situation.rig.attach(port, now)
+        } else {
+            self.situation.rig.detach(port, now)
+        };
+    }
+
+    /// The scripted client's port hangs up if its cable is out.
+    pub(super) fn hang_up(&mut self, device: usize, now: SimTime) {
+        let own: Vec<PortId> = self.script.ports.keys().copied().collect();
+        for port in own {
+            if port.device == device && self.situation.rig.cable_pulled(port) {
+                self.open_port(port, false, now);
+            }
+        }
+    }
+
+    pub(super) fn answers_over(&mut self, over: Vec<Over>, now: SimTime) {
         for (step, why) in over {
             if let Some(why) = why {
                 self.fail_step(step, now, why);

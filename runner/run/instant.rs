@@ -11,9 +11,9 @@ impl Run {
     /// When there is next something to look at, be it only the end. That is all that happens only
     /// while every byte is followed. Everything up to the present has happened.
     pub(super) fn next_instant(&self) -> SimTime {
-        let now = self.rig.now();
+        let now = self.situation.rig.now();
         let watched = self.is_watched().then(|| {
-            let step = self.rig.world().step_length();
+            let step = self.situation.rig.world().step_length();
             now.next_multiple(step)
         });
         let devices = self.follows_bytes.then(|| self.next_of_devices());
@@ -23,8 +23,8 @@ impl Run {
 
     /// When a device or a line next does something.
     pub(super) fn next_of_devices(&self) -> SimTime {
-        let next = self.rig.next_deadline().unwrap_or(SimTime::MAX);
-        next.max(self.rig.now() + NANOSECOND)
+        let next = self.situation.rig.next_deadline().unwrap_or(SimTime::MAX);
+        next.max(self.situation.rig.now() + NANOSECOND)
     }
 
     /// Does all that belongs to one instant; `act` is what a client does.
@@ -33,11 +33,11 @@ impl Run {
         at: SimTime,
         act: impl FnOnce(&mut Rig),
     ) -> Result<(), RunError> {
-        self.rig.approach(at)?;
+        self.situation.rig.approach(at)?;
         let mut look = at.as_nanos().is_multiple_of(self.physics_step());
         look |= self.run_agenda(at);
-        act(&mut self.rig);
-        self.rig.advance(at)?;
+        act(&mut self.situation.rig);
+        self.situation.rig.advance(at)?;
         look |= self.take_events();
         self.read_ports(at);
         if look {
@@ -63,7 +63,7 @@ impl Run {
                 return Err(RunError::Stuck { at });
             }
             look |= self.run_agenda(at);
-            self.rig.advance(at)?;
+            self.situation.rig.advance(at)?;
             look |= self.take_events();
             self.read_ports(at);
             if look {
@@ -75,14 +75,14 @@ impl Run {
     }
 
     pub(super) fn physics_step(&self) -> u64 {
-        let step = self.rig.world().step_length().as_nanos();
+        let step = self.situation.rig.world().step_length().as_nanos();
         u64::try_from(step).unwrap_or(u64::MAX).max(1)
     }
 
     /// Takes the events of the rig; returns whether there were any.
     fn take_events(&mut self) -> bool {
         let mut any = false;
-        while let Some(event) = self.rig.poll_event() {
+        while let Some(event) = self.situation.rig.poll_event() {
             any = true;
             if !self.follows_bytes {
                 // Before the next reply comes, so that the line does not fill up.
@@ -100,8 +100,8 @@ impl Run {
     /// Takes note of an event.
     pub(super) fn record_event(&mut self, event: Event) {
         let excused = self.is_excused(&event);
-        let distance = self.rig.distance_m(event.device);
-        if let Some(counters) = self.counters.get_mut(event.device) {
+        let distance = self.situation.rig.distance_m(event.device);
+        if let Some(counters) = self.situation.counters.get_mut(event.device) {
             counters.add_event(&event, distance, excused);
         }
         if event.kind.level() != Level::Traffic {
@@ -129,24 +129,25 @@ impl Run {
         let port = self.ports.ids[index];
         let unread = &mut self.ports.unread[index];
         let before = unread.len();
-        self.rig.client_reads(port, unread);
+        self.situation.rig.client_reads(port, unread);
         if unread.len() == before {
             return;
         }
         if let Some(recorder) = &mut self.recorder {
             recorder.device_sent(at, port, &unread[before..]);
         }
-        if !self.hosts.contains_key(&port) {
+        if !self.script.has_port(port) {
             unread.truncate(MOST_UNREAD);
         } else {
-            let bytes = std::mem::take(unread);
-            self.host_reads(at, port, &bytes);
+            let over = self.script.read(at, port, unread);
+            unread.clear();
+            self.answers_over(over, at);
         }
     }
 
     fn sample(&mut self, at: SimTime) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.sample(at, &self.rig);
+            recorder.sample(at, &self.situation.rig);
         }
     }
 }

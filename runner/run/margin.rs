@@ -6,7 +6,7 @@ use rigsim_core::SimTime;
 
 use super::Run;
 use super::outcome::Margin;
-use crate::condition::Condition;
+use crate::condition::{Condition, Situation};
 use crate::scenario::{Rule, StepAction};
 
 /// Shortest time between two measurements of a distance; far from the limit it is ten times as long.
@@ -53,52 +53,43 @@ impl Slack {
         }
     }
 
-    fn margin(self, what: String) -> Option<Margin> {
+    pub(super) fn margin(self, what: String) -> Option<Margin> {
         let (margin, at) = (self.share, self.at);
         margin.is_finite().then_some(Margin { what, margin, at })
     }
+
+    /// Measures how far a rule that is kept is from being broken. Before the time of a `longer_than`
+    /// begins, the whole of it is left.
+    pub(super) fn measure(&mut self, rule: &Rule, situation: &Situation, now: SimTime) {
+        if now < self.next {
+            return;
+        }
+        let distance = distance(&rule.that, rule.must_hold, situation);
+        let time_left = f64::from(u8::from(!rule.longer_than.is_zero()));
+        self.narrow(distance + time_left, now);
+        // On a grid, so that one instant more or less shifts nothing.
+        let pause = EVERY.mul_f64(1.0 + (9.0 * distance.min(1.0)).floor());
+        self.next = (now + pause - EVERY).next_multiple(EVERY);
+    }
+}
+
+/// Returns the distance of a condition from becoming false, or true if it must not hold.
+pub(super) fn distance(condition: &Condition, must_hold: bool, situation: &Situation) -> f64 {
+    let margin = condition.margin(situation);
+    if must_hold { margin } else { -margin }.max(0.0)
 }
 
 impl Run {
-    /// Measures how far a rule that is kept is from being broken. Before the time of a `longer_than`
-    /// begins, the whole of it is left.
-    pub(super) fn measure(&mut self, index: usize, rule: &Rule, now: SimTime) {
-        if now < self.expectations.rules[index].slack.next {
-            return;
-        }
-        let distance = self.distance(&rule.that, rule.must_hold);
-        let time_left = f64::from(u8::from(!rule.longer_than.is_zero()));
-        let slack = &mut self.expectations.rules[index].slack;
-        slack.narrow(distance + time_left, now);
-        // On a grid, so that one instant more or less shifts nothing.
-        let pause = EVERY.mul_f64(1.0 + (9.0 * distance.min(1.0)).floor());
-        slack.next = (now + pause - EVERY).next_multiple(EVERY);
-    }
-
-    /// Distance of a condition from becoming false, or true if it must not hold.
-    pub(super) fn distance(&self, condition: &Condition, must_hold: bool) -> f64 {
-        let margin = condition.margin(self.situation());
-        if must_hold { margin } else { -margin }.max(0.0)
-    }
-
     /// The margins of everything that was judged.
     pub(super) fn margins(&self) -> Vec<Margin> {
-        let rules = self.scenario.rules.iter().zip(&self.expectations.rules);
-        let rules = rules.filter_map(|(rule, state)| state.slack.margin(rule.words()));
-        let responses = self
-            .scenario
-            .responses
-            .iter()
-            .zip(&self.expectations.responses);
-        let responses =
-            responses.filter_map(|(response, state)| state.slack.margin(response.words()));
-        let steps = self.scenario.steps.iter().zip(&self.steps);
+        let others = self.expectations.margins(&self.plan.scenario);
+        let steps = self.plan.scenario.steps.iter().zip(&self.steps);
         let expected = steps.filter_map(|(step, state)| match &step.action {
             StepAction::Expect { that, .. } => state
                 .slack
                 .margin(format!("\"{}\": expected `{}`", step.name, that.text)),
             _ => None,
         });
-        rules.chain(responses).chain(expected).collect()
+        others.chain(expected).collect()
     }
 }

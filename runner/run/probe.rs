@@ -32,7 +32,7 @@ impl Probe {
     /// Its value now, which may be without end; `None` if no step has remembered it yet.
     #[must_use]
     pub fn read(&self, run: &Run) -> Option<Reading> {
-        self.origin.read(&self.name, run.situation())
+        self.origin.read(&self.name, &run.situation)
     }
 }
 
@@ -61,7 +61,7 @@ impl Run {
 
     /// Every number that a client has published so far.
     pub fn published(&self) -> impl Iterator<Item = Probe> {
-        self.situation().published.keys().map(|name| Probe {
+        self.situation.published.keys().map(|name| Probe {
             name: name.clone(),
             unit: Unit::Number(""),
             device: None,

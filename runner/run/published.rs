@@ -33,11 +33,9 @@ const TOO_MANY_NAMES: PublishError = PublishError("at most 64 names can be publi
 const TOO_MANY_LINES: PublishError =
     PublishError("more than 1000 lines came within a second; the rest is not read");
 
-/// What clients have published so far.
+/// Pace at which clients publish.
 #[derive(Debug, Default)]
 pub(super) struct Published {
-    /// By the names that conditions have for them, as `client.x`.
-    pub(super) values: BTreeMap<String, f64>,
     /// The second of simulated time in which the last line came, and the number of lines in it.
     second: u64,
     lines: u32,
@@ -55,7 +53,7 @@ impl Run {
         now: SimTime,
         line: &str,
     ) -> Result<Result<(), PublishError>, RunError> {
-        let second = now.max(self.rig.now() + NANOSECOND).as_nanos() / 1_000_000_000;
+        let second = now.max(self.situation.rig.now() + NANOSECOND).as_nanos() / 1_000_000_000;
         if self.published.second != second {
             (self.published.second, self.published.lines) = (second, 0);
         }
@@ -75,7 +73,7 @@ impl Run {
             line: line.chars().take(MOST_LINE + 1).collect(),
         });
         let port = self.ports.ids.first().copied();
-        let used = values.map(|values| self.published.values.extend(values));
+        let used = values.map(|values| self.situation.published.extend(values));
         self.agenda.plan(at, Item::Judge);
         self.instant(at, |rig| {
             if let (Err(PublishError(why)), Some(port)) = (used, port) {
@@ -96,7 +94,7 @@ impl Run {
             .into_iter()
             .map(|(name, value)| (format!("{CLIENT}{name}"), value))
             .collect();
-        let known = &self.published.values;
+        let known = &self.situation.published;
         let mut new: Vec<&str> = values.iter().map(|(name, _)| name.as_str()).collect();
         new.retain(|name| !known.contains_key(*name));
         new.sort_unstable();

@@ -9,11 +9,23 @@ use rigsim_core::noise::Noise;
 use rigsim_core::rig::Rig;
 
 use super::agenda::Item;
-use super::judge::{Expected, Nearest};
+use super::expectations::Expected;
 use super::margin::Slack;
 use super::record::Record;
 use super::{MOST_ROUNDS, Run};
-use crate::scenario::{Only, Scenario, Step, StepAction, Times, Trigger};
+use crate::condition::{Condition, Situation};
+use crate::scenario::{Scenario, Step, StepAction, Times, Trigger};
+
+/// How often the nearness of a condition is measured.
+const NEARNESS_EVERY: Duration = Duration::from_millis(20);
+/// Nearest that something that is waited for has come to holding.
+#[derive(Debug)]
+pub(super) struct Nearest {
+    by: f64,
+    at: SimTime,
+    measured: SimTime,
+    found: String,
+}
 
 /// Progress of a step.
 #[derive(Debug)]
@@ -113,45 +125,61 @@ impl StepState {
     }
 }
 
+impl StepState {
+    /// Takes note of how near what it waits for has come.
+    pub(super) fn update_nearness(
+        &mut self,
+        condition: &Condition,
+        situation: &Situation,
+        now: SimTime,
+    ) {
+        if !condition.is_gradual() {
+            return;
+        }
+        // Often enough to tell, and seldom enough to cost nothing.
+        let before = self.nearest.as_mut();
+        if before
+            .as_ref()
+            .is_some_and(|before| now < before.measured + NEARNESS_EVERY)
+        {
+            return;
+        }
+        let by = condition.nearness(situation);
+        match before {
+            Some(before) if before.by >= by => before.measured = now,
+            _ => {
+                self.nearest = Some(Nearest {
+                    by,
+                    at: now,
+                    measured: now,
+                    found: condition.explain(situation),
+                });
+            }
+        }
+    }
+
+    /// The nearest that what it waits for has come, in words.
+    pub(super) fn nearest(&self) -> String {
+        let nearest = self.nearest.as_ref();
+        nearest.map_or_else(String::new, |nearest| {
+            format!("; it came nearest at {} s: {}", nearest.at, nearest.found)
+        })
+    }
+}
+
 impl Run {
     /// Plans what has a fixed time.
     pub(super) fn schedule(&mut self) {
-        for (index, step) in self.scenario.steps.iter().enumerate() {
+        for (index, step) in self.plan.scenario.steps.iter().enumerate() {
             if let Trigger::At(times) = step.trigger {
                 let at = SimTime::ZERO + self.steps[index].draw(times);
                 self.steps[index].planned = Some(at);
                 self.agenda.plan(at, Item::Occur(index));
             }
         }
-        for rule in 0..self.expectations.rules.len() {
-            self.open_window(rule, None, SimTime::ZERO);
-        }
+        self.expectations
+            .open_windows(&self.plan, &mut self.agenda, None, SimTime::ZERO);
         self.agenda.plan(SimTime::ZERO, Item::Judge);
-    }
-
-    /// Returns whether a step is played in this kind of run.
-    pub(super) fn is_played(&self, step: &Step) -> bool {
-        let host = matches!(step.action, StepAction::Host(_));
-        let replaced = host && !self.has_script(step.device);
-        self.is_judged(step.only, step.mission) && !replaced
-    }
-
-    /// Returns whether the script is the client of a device.
-    pub(super) fn has_script(&self, device: usize) -> bool {
-        !self.options.live || self.scenario.is_scripted(device)
-    }
-
-    /// Returns whether a verdict counts in this kind of run.
-    pub(super) fn is_judged(&self, only: Option<Only>, mission: bool) -> bool {
-        self.counts(only) && !(mission && self.scenario.mission_may_fail)
-    }
-
-    pub(super) fn counts(&self, only: Option<Only>) -> bool {
-        match only {
-            None => true,
-            Some(Only::Live) => self.options.live,
-            Some(Only::Scripted) => !self.options.live,
-        }
     }
 
     /// A step's condition holds, or what it waits for is done.
@@ -159,7 +187,7 @@ impl Run {
         let state = &mut self.steps[index];
         state.watching = false;
         state.nearest = None;
-        let at = now + state.draw(self.scenario.steps[index].delay);
+        let at = now + state.draw(self.plan.scenario.steps[index].delay);
         self.agenda.plan(at, Item::Occur(index));
     }
 
@@ -205,7 +233,7 @@ impl Run {
     }
 
     fn occur(&mut self, index: usize, now: SimTime) {
-        let scenario = std::sync::Arc::clone(&self.scenario);
+        let scenario = std::sync::Arc::clone(&self.plan.scenario);
         let step = &scenario.steps[index];
         let state = &mut self.steps[index];
         if step.every.is_some() && state.lasting > 0 {
@@ -238,11 +266,12 @@ impl Run {
         let drawn = step
             .probability
             .is_none_or(|probability| state.chance.uniform() < probability);
-        if drawn && self.counts(step.only) {
+        if drawn && self.plan.counts(step.only) {
             self.remember(index, step, now);
-            self.cause_responses(index, now);
+            self.expectations
+                .cause_responses(&self.plan, &mut self.agenda, index, now);
         }
-        if drawn && self.is_played(step) {
+        if drawn && self.plan.is_played(step) {
             // Held while it acts, so that an effect that ends at once does not end the step early.
             self.steps[index].pending += 1;
             self.act(index, step, now);
@@ -253,10 +282,12 @@ impl Run {
 
     fn remember(&mut self, index: usize, step: &Step, now: SimTime) {
         for (slot, value) in &step.remember {
-            match value.value(self.situation()) {
+            match value.value(&self.situation) {
                 Ok(value) => {
-                    self.saved.resize(self.scenario.saved.len(), None);
-                    self.saved[*slot] = Some(value);
+                    self.situation
+                        .saved
+                        .resize(self.plan.scenario.saved.len(), None);
+                    self.situation.saved[*slot] = Some(value);
                 }
                 Err(why) => self.fail_step(index, now, why.to_string()),
             }
@@ -293,7 +324,7 @@ impl Run {
         } else if step.fault().is_none() {
             // Faults add up; what was done the last time goes on in what is done now.
             for last in state.effects.drain(..) {
-                self.rig.supersede(last);
+                self.situation.rig.supersede(last);
             }
         }
         state.effects.push(effect);
@@ -313,7 +344,7 @@ impl Run {
             0 | 1 => step.name.clone(),
             number => format!("{} #{number}", step.name),
         };
-        match self.rig.apply(step.device, &name, effect) {
+        match self.situation.rig.apply(step.device, &name, effect) {
             Ok(handle) => {
                 self.steps[index].counts.armed = number;
                 if is_fault {
@@ -359,22 +390,22 @@ impl Run {
         }
     }
 
-    /// Mends a fault or undoes a action, unless that has been done.
+    /// Mends a fault or reverts an action, unless that has been done.
     fn end_effect(&mut self, index: usize, effect: EffectHandle) {
         let state = &mut self.steps[index];
         let Some(at) = state.effects.iter().position(|own| *own == effect) else {
             return;
         };
         state.effects.remove(at);
-        let hits = self.rig.hits(effect);
+        let hits = self.situation.rig.hits(effect);
         state.counts.hits += hits;
         state.counts.hit += u64::from(hits > 0);
-        self.rig.clear(effect);
-        let device = self.scenario.steps[index].device;
+        self.situation.rig.clear(effect);
+        let device = self.plan.scenario.steps[index].device;
         if !self.is_line_disturbed(device) && self.excuses.disturbed_until[device] == SimTime::MAX {
             let held_back = self.held_back(device);
             self.excuses.disturbed_until[device] =
-                self.rig.now() + super::judge::EXCUSED_AFTER + held_back;
+                self.situation.rig.now() + super::judge::EXCUSED_AFTER + held_back;
         }
     }
 
@@ -392,7 +423,7 @@ impl Run {
 
     /// The faults that steps bring on a device.
     fn faults_of(&self, device: usize) -> impl Iterator<Item = (&Checked, &StepState)> {
-        let steps = self.scenario.steps.iter().zip(&self.steps);
+        let steps = self.plan.scenario.steps.iter().zip(&self.steps);
         let own = steps.filter(move |(step, _)| step.device == device);
         own.filter_map(|(step, state)| Some((step.fault()?, state)))
     }
@@ -423,15 +454,14 @@ impl Run {
             return;
         }
         state.done = Some(now);
-        let scenario = std::sync::Arc::clone(&self.scenario);
+        let scenario = std::sync::Arc::clone(&self.plan.scenario);
         self.record_step(now, &scenario.steps[index], "done");
         for (other, step) in scenario.steps.iter().enumerate() {
             if matches!(step.trigger, Trigger::After(waited) if waited == index) {
                 self.begin(other, now);
             }
         }
-        for rule in 0..self.expectations.rules.len() {
-            self.open_window(rule, Some(index), now);
-        }
+        self.expectations
+            .open_windows(&self.plan, &mut self.agenda, Some(index), now);
     }
 }

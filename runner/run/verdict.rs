@@ -22,7 +22,7 @@ impl Run {
     }
 
     fn fail_step_by(&mut self, kind: FailureKind, index: usize, at: SimTime, what: String) {
-        let step = Some(self.scenario.steps[index].name.clone());
+        let step = Some(self.plan.scenario.steps[index].name.clone());
         let state = &mut self.steps[index];
         state.failure.get_or_insert_with(|| what.clone());
         self.add_failure(kind, at, step, what);
@@ -32,9 +32,9 @@ impl Run {
     /// occasion. A step of the mission is a failure, and so is any step of a file that disturbs nothing:
     /// there is nothing in it but what the client is to do.
     fn judge_missed(&mut self, missed: Vec<(usize, String)>, now: SimTime) -> Vec<String> {
-        let scenario = Arc::clone(&self.scenario);
+        let scenario = Arc::clone(&self.plan.scenario);
         let disturbs = |step: &Step| matches!(step.action, StepAction::Effect(_));
-        let may_lack = self.options.live && scenario.steps.iter().any(disturbs);
+        let may_lack = self.plan.options.live && scenario.steps.iter().any(disturbs);
         let mut not_applicable = Vec::new();
         for (index, what) in missed {
             let step = &scenario.steps[index];
@@ -78,7 +78,7 @@ impl Run {
 
     /// The run is over: what did not come, and what came of it all.
     pub(super) fn finish(&mut self) {
-        let now = self.rig.now();
+        let now = self.situation.rig.now();
         self.failures.last_in_effect = Some(self.in_effect());
         self.fail_what_waits(now);
         let mut missed = Vec::new();
@@ -90,27 +90,28 @@ impl Run {
         let passed = self.failures.list.is_empty() && not_applicable.is_empty();
         let outcome = Outcome {
             passed,
-            title: self.scenario.title.clone(),
-            seed: self.options.seed,
+            title: self.plan.scenario.title.clone(),
+            seed: self.plan.options.seed,
             ended_at: now,
             failures: std::mem::take(&mut self.failures.list),
             more_failures: self.failures.more,
             faults,
             devices: self
+                .plan
                 .scenario
                 .rig
                 .devices
                 .iter()
-                .zip(&self.counters)
+                .zip(&self.situation.counters)
                 .enumerate()
                 .map(|(device, (plan, counters))| DeviceReport {
                     name: plan.name.clone(),
                     report: counters.report.clone(),
-                    distance_m: self.rig.distance_m(device),
+                    distance_m: self.situation.rig.distance_m(device),
                 })
                 .collect(),
             margins: self.margins(),
-            not_judged: self.not_judged(),
+            not_judged: self.expectations.not_judged(&self.plan, now),
             not_applicable,
             last: self.context(),
         };
@@ -126,7 +127,7 @@ impl Run {
 
     /// What is repeated without end is cut off somewhere; anything else had to come in time.
     fn fail_what_waits(&mut self, now: SimTime) {
-        let scenario = Arc::clone(&self.scenario);
+        let scenario = Arc::clone(&self.plan.scenario);
         let endless = |step: usize| scenario.steps[step].is_endless();
         for expected in std::mem::take(&mut self.expectations.steps) {
             if endless(expected.step) {
@@ -140,7 +141,7 @@ impl Run {
             let why = format!("the run ended before its time was up: {why}");
             self.fail_step_by(FailureKind::Consequence, expected.step, now, why);
         }
-        let unanswered = self.unanswered().into_iter();
+        let unanswered = self.script.unanswered().into_iter();
         for (step, why) in unanswered.filter(|(step, _)| !endless(*step)) {
             let why = format!("the run ended before its time was up: {why}");
             self.fail_step_by(FailureKind::Consequence, step, now, why);
@@ -148,7 +149,7 @@ impl Run {
     }
 
     fn close_faults(&mut self, missed: &mut Vec<(usize, String)>) -> Vec<FaultRecord> {
-        let scenario = Arc::clone(&self.scenario);
+        let scenario = Arc::clone(&self.plan.scenario);
         let mut records = Vec::new();
         for (index, step) in scenario.steps.iter().enumerate() {
             let Some(fault) = step.fault() else {
@@ -182,10 +183,10 @@ impl Run {
     }
 
     fn find_what_never_began(&self, now: SimTime, missed: &mut Vec<(usize, String)>) {
-        let scenario = Arc::clone(&self.scenario);
+        let scenario = Arc::clone(&self.plan.scenario);
         for (index, step) in scenario.steps.iter().enumerate() {
             let begun = self.steps[index].begun.is_some();
-            if begun || step.optional || !self.is_played(step) {
+            if begun || step.optional || !self.plan.is_played(step) {
                 continue;
             }
             let why = match &step.trigger {
@@ -194,7 +195,7 @@ impl Run {
                     format!("it was to begin at {at} s, the run ended before")
                 }
                 Trigger::When(condition) => {
-                    let nearest = self.nearest(index);
+                    let nearest = self.steps[index].nearest();
                     format!("it never began: `{}` never held{nearest}", condition.text)
                 }
                 Trigger::After(other) => {
@@ -212,14 +213,20 @@ impl Run {
 
     /// Vehicles of several for the client that it has left alone: it may know one only.
     fn devices_without_client(&self) -> Vec<String> {
-        let devices = self.scenario.rig.devices.iter().zip(&self.counters);
+        let devices = self
+            .plan
+            .scenario
+            .rig
+            .devices
+            .iter()
+            .zip(&self.situation.counters);
         let devices = devices.enumerate();
-        let live = devices.filter(|(index, _)| !self.has_script(*index));
+        let live = devices.filter(|(index, _)| !self.plan.has_script(*index));
         let (opened, left): (Vec<_>, Vec<_>) = live.partition(|(_, (_, counters))| {
             let events = &counters.report.events;
             events.contains_key(code::CLIENT_ATTACHED.as_str())
         });
-        if opened.is_empty() || self.scenario.is_endless() {
+        if opened.is_empty() || self.plan.scenario.is_endless() {
             return Vec::new();
         }
         let left = left.into_iter().map(|(_, (plan, _))| &plan.name);
@@ -228,15 +235,15 @@ impl Run {
     }
 
     fn judge_reports(&mut self, now: SimTime) {
-        let scenario = Arc::clone(&self.scenario);
+        let scenario = Arc::clone(&self.plan.scenario);
         let Some(demand) = &scenario.demand else {
             return;
         };
-        if !self.counts(demand.only) {
+        if !self.plan.counts(demand.only) {
             return;
         }
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
-            let found: Vec<String> = self.counters[index]
+            let found: Vec<String> = self.situation.counters[index]
                 .report
                 .client_errors()
                 .filter(|(code, _)| match &demand.allowed {

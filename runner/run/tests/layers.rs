@@ -1,4 +1,5 @@
 use super::*;
+use crate::condition::Reading;
 use rigsim_core::r150::R150 as R150Unit;
 use rigsim_core::r150_device::vehicle::{Key, OperatorInput};
 

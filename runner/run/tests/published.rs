@@ -1,4 +1,5 @@
 use super::*;
+use crate::condition::Reading;
 use crate::trace::Replay;
 
 const PORT: PortId = PortId { device: 0, link: 0 };
