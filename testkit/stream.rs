@@ -27,7 +27,6 @@ use rigsim_physics::r150::R150Plant;
 use rigsim_physics::{MecanumPlantSettings, Pose, R150PlantSettings, World, WorldSettings};
 
 use decode::{TIMEOUT, decodes};
-pub(crate) use reading::whole;
 use reading::{frames_cover, sends_well};
 
 /// A stream that is cut into pieces, with a pause after each.

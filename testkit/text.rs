@@ -1,5 +1,6 @@
 //! Text of each kind of file but traces: refused in words, or built and run for a while.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,6 +14,7 @@ use rigsim_runner::trace::Record;
 use rigsim_runner::{RigPlan, Run, RunError, RunOptions, Scenario};
 use rigsim_settings::{Source, load_toml};
 use toml::de::DeValue;
+use toml::{Table, Value};
 
 use crate::session::{setup, truth};
 
@@ -148,25 +150,31 @@ pub fn drive(settings: &SimSettings, map: WorldMap, how_long: HowLong) {
     drive_rig(rig, how_long);
 }
 
-/// Commands that drive, one after another, as scripted clients have them.
-fn driving(device: &DeviceSpec) -> Vec<String> {
-    match device.id {
-        "r150" => [1000, -600]
-            .map(|left| format!("set_motors = {{ right = 1000, left = {left} }}"))
-            .to_vec(),
-        "mecanum" => (0..5)
-            .map(|index| {
-                format!("motion = {{ is_reset = 1, moving_idx = {index}, s = 500, v = 500 }}")
-            })
-            .collect(),
-        other => panic!("nothing is known to drive {other}"),
+/// Commands that drive, one after another: of what the plan of the device sends, the kind that it sends
+/// most often.
+fn driving(device: &DeviceSpec) -> Vec<Vec<u8>> {
+    let plan = device.host.plan.parse::<Table>();
+    let plan = Value::Table(plan.unwrap_or_else(|error| panic!("{error}")));
+    let list = |value: &Value, key| value.get(key).and_then(Value::as_array).cloned();
+    let parts = list(&plan, "manoeuvre").into_iter().flatten();
+    let parts = parts.flat_map(|part| list(&part, "do").into_iter().flatten());
+    let mut kinds: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for command in parts.flat_map(|part| list(&part, "send").into_iter().flatten()) {
+        let kind = command.as_table().and_then(|command| command.keys().next());
+        // What stops it is sent often, too.
+        let text = command.to_string();
+        if let Some(kind) = kind.filter(|_| text.contains(|digit| matches!(digit, '1'..='9'))) {
+            kinds.entry(kind.clone()).or_default().push(text);
+        }
     }
+    let most = kinds.into_values().max_by_key(Vec::len).unwrap_or_default();
+    assert!(!most.is_empty(), "nothing is known to drive {device:?}");
+    most.iter().map(|text| command(device, text)).collect()
 }
 
 /// A command as it is on the wire, by the settings as they are by default.
 fn command(device: &DeviceSpec, text: &str) -> Vec<u8> {
-    let text = format!("{{ {text} }}");
-    let value = DeValue::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
+    let value = DeValue::parse(text).unwrap_or_else(|error| panic!("{text}: {error}"));
     let read = (device.host.read)(&value, &*(device.settings)());
     read.unwrap_or_else(|error| panic!("{text}: {error}")).bytes
 }
@@ -197,7 +205,7 @@ fn drive_rig(mut rig: Rig, how_long: HowLong) {
                 };
                 let requests = driving(spec);
                 let which = usize::try_from(round / 10).unwrap_or(0) % requests.len();
-                rig.client_puts(port, &command(spec, &requests[which]));
+                rig.client_puts(port, &requests[which]);
             }
         }
         now += pace;

@@ -3,13 +3,14 @@
 use std::hash::Hash as _;
 
 use rigsim_core::SimTime;
+use rigsim_core::device::host::{MessageInfo, Sender};
 use rigsim_core::device::names::Reading;
 use rigsim_core::device::{Counters, DeviceSpec, View};
 use rigsim_core::line::{ClientLine, MOST_IN_FLIGHT, Wire};
 use rigsim_core::rig::{PortId, Rig};
+use rigsim_core::scanner::{Form, Part};
 
 use super::Player;
-use crate::stream;
 
 /// Most bytes that a client may ever find waiting: the line's and those that faults hold.
 const MOST_WAITING: usize = MOST_IN_FLIGHT + 16_384;
@@ -100,7 +101,7 @@ impl Client {
         self.read += bytes.len();
         if self.undisturbed {
             self.unread.extend(bytes);
-            let whole = stream::whole(self.device, self.port.link, &self.unread);
+            let whole = whole(self.device, self.port.link, &self.unread);
             assert!(whole.is_some(), "{:02X?}", self.unread);
             self.unread.drain(..whole.unwrap_or_default());
             let most = self.most(now);
@@ -121,6 +122,31 @@ impl Client {
             false => 14 * self.sent,
         };
         carried.min(asked)
+    }
+}
+
+/// Returns the length of the whole messages at the beginning of what a device has sent on a link; `None`
+/// if something else stands there.
+fn whole(device: &DeviceSpec, link: usize, bytes: &[u8]) -> Option<usize> {
+    let messages = || {
+        let all = device.all_messages();
+        all.filter(move |info| info.link == link && info.sender == Sender::Device)
+    };
+    let form = device.links[link].framing.form;
+    let mut end = 0;
+    loop {
+        match form.part(&bytes[end..], messages()) {
+            Part::Frame(length) => {
+                let line = &bytes[end..end + length];
+                let says = |info: &MessageInfo| info.values(line).count() == info.fields.len();
+                if matches!(form, Form::Lines) && !messages().any(says) {
+                    return None;
+                }
+                end += length;
+            }
+            Part::Begun => return Some(end),
+            Part::Wrong(_) | Part::Noise(_) => return None,
+        }
     }
 }
 

@@ -3,7 +3,6 @@
 
 use std::ops::Range;
 
-use rigsim_core::device::DeviceSpec;
 use rigsim_core::mecanum_device::Link;
 
 /// The longest line of the ROS link.
@@ -47,32 +46,6 @@ pub(super) fn frames(bytes: &[u8]) -> Vec<Range<usize>> {
         };
     }
     found
-}
-
-/// Returns the length of the whole frames, packets or lines of a device at the beginning of what it
-/// has sent on a link; `None` if they are something else.
-pub(crate) fn whole(device: &DeviceSpec, link: usize, bytes: &[u8]) -> Option<usize> {
-    match (device.id, link) {
-        ("r150", _) => {
-            let mut end = 0;
-            while let Some(&length) = bytes.get(end + 2)
-                && end + 6 + usize::from(length) <= bytes.len()
-            {
-                end += 6 + usize::from(length);
-            }
-            frames_cover(&bytes[..end]).then_some(end)
-        }
-        ("mecanum", 0) => {
-            let end = bytes.len() / 39 * 39;
-            sends_well(Link::Main, &bytes[..end]).then_some(end)
-        }
-        ("mecanum", _) => {
-            let end = bytes.iter().rposition(|byte| *byte == b'\n');
-            let end = end.map_or(0, |end| end + 1);
-            sends_well(Link::Ros, &bytes[..end]).then_some(end)
-        }
-        _ => panic!("nothing is known of what {device:?} sends"),
-    }
 }
 
 /// Returns whether `bytes` are whole frames of the R150, one after the other.
