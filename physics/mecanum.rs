@@ -33,8 +33,8 @@ use std::time::Duration;
 pub use faults::{MecanumFaults, Ultrasonic};
 pub use sensing::MecanumTruth;
 pub use settings::{
-    BarSettings, BeamSettings, CarBodySettings, CarMotorSettings, EncoderSettings,
-    MecanumPlantSettings, MecanumWheelSettings, ReaderSettings, UltrasonicSettings,
+    CarBodySettings, CarMotorSettings, EncoderSettings, MecanumPlantSettings, MecanumWheelSettings,
+    UltrasonicSettings,
 };
 pub use signals::{
     ECHOES, MecanumCommands, MecanumMeasurements, PORTS, PlugSwaps, Port, PortCommand, WHEELS,

@@ -47,6 +47,12 @@ mission = true
 [[always]]
 name = "slow"
 that = "truth.speed_mps < 0.8"
+
+[[response]]
+name = "stops"
+step = "stop"
+then = "truth.at_rest"
+within = "2 s"
 "#;
 
 /// A fault that ends the mission, at a tenth of what the job takes.
@@ -200,7 +206,8 @@ fn a_file_changes_what_it_is_based_on_by_name() {
              [[step]]\nname = \"drive\"\nafter = \"wait\"\nfor = \"4 s\"\n\
              [[step]]\nname = \"wait\"\nat = \"1 s\"\n\
              [[step]]\nat = \"9.5 s\"\nexpect = { that = \"truth.x_m > 1.7 && truth.soc_percent < 55.1\" }\n\
-             [[always]]\nname = \"slow\"\nthat = \"truth.speed_mps < 0.3\"\nuntil = \"1 s\"\n",
+             [[always]]\nname = \"slow\"\nthat = \"truth.speed_mps < 0.3\"\nuntil = \"1 s\"\n\
+             [[response]]\nname = \"stops\"\nwithin = \"3 s\"\n",
         ),
         (
             "wrong.toml",

@@ -13,6 +13,16 @@ const CHANNEL_SPACING: f64 = 0.01;
 /// Distance from the middle line of a strip at which a channel sees it, m; assumed: tape of 50 mm.
 const STRIP_HALF_WIDTH: f64 = 0.025;
 
+/// Place of the bar's middle ahead of the car's, m; assumed: near the front edge.
+const BAR_AHEAD: f64 = 0.15;
+/// Place of the infrared sensor ahead of the car's middle, m; assumed: on the front edge.
+const BEAM_AHEAD: f64 = 0.17;
+/// Distance up to which the infrared sensor detects something, m; assumed: a reflective switch.
+const BEAM_RANGE: f64 = 0.3;
+/// Distance from the reader, under the middle of the car, at which a tag may lie, m; assumed: a small coil
+/// just above the ground.
+const READER_RADIUS: f64 = 0.04;
+
 /// Time between two looks of the infrared sensor: quick beside the status packet.
 const BEAM_PERIOD: Duration = Duration::from_millis(20);
 /// Time between two readings of RFID: common readers, 20 tags a second.
@@ -35,11 +45,7 @@ pub(super) struct Observed {
 pub(super) struct Sensors {
     cones: [Mount; ECHOES],
     beam: Mount,
-    /// Ahead, left, m.
-    reader: [f64; 2],
-    reader_radius: f64,
     channels: [[f64; 2]; 16],
-    bar_reach: f64,
     /// Of ultrasonic, infrared, reader and bar.
     paces: [Pace; 4],
     /// Of a distance, m.
@@ -75,8 +81,6 @@ struct Pace {
 impl Sensors {
     pub(super) fn new(settings: &MecanumPlantSettings) -> Self {
         let ultrasonic = &settings.ultrasonic;
-        let beam = &settings.infrared;
-        let bar = &settings.magnetic_bar;
         let mount = |x: f64, y: f64, degrees: f64, half_angle: f64, grazing: f64, range: f64| {
             let (angle, half) = (degrees.to_radians(), half_angle.to_radians());
             Mount {
@@ -105,15 +109,12 @@ impl Sensors {
                     ultrasonic.range,
                 )
             }),
-            beam: mount(beam.x, 0.0, 0.0, 0.0, 0.0, beam.range),
-            reader: [0.0; 2],
-            reader_radius: settings.rfid.radius,
+            beam: mount(BEAM_AHEAD, 0.0, 0.0, 0.0, 0.0, BEAM_RANGE),
             channels: [
                 7.5, 6.5, 5.5, 4.5, 3.5, 2.5, 1.5, 0.5, -0.5, -1.5, -2.5, -3.5, -4.5, -5.5, -6.5,
                 -7.5,
             ]
-            .map(|place| [bar.x, place * CHANNEL_SPACING]),
-            bar_reach: STRIP_HALF_WIDTH,
+            .map(|place| [BAR_AHEAD, place * CHANNEL_SPACING]),
             paces: periods.map(|period| Pace {
                 period,
                 since: Duration::ZERO,
@@ -190,13 +191,13 @@ impl Sensors {
     }
 
     fn read_tag(&mut self, world: &World, motion: &BodyMotion) {
-        let tag = world.tag_near(in_world(motion, self.reader), self.reader_radius);
+        let tag = world.tag_near([motion.x, motion.y], READER_RADIUS);
         self.observed.tag = tag.map_or(0, |tag| tag.number);
     }
 
     fn read_bar(&mut self, world: &World, motion: &BodyMotion) {
         let points = self.channels.map(|place| in_world(motion, place));
-        self.observed.magnetic_bar = world.strips_under(&points, self.bar_reach);
+        self.observed.magnetic_bar = world.strips_under(&points, STRIP_HALF_WIDTH);
     }
 }
 

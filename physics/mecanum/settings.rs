@@ -27,12 +27,6 @@ settings! {
         encoder: EncoderSettings,
         /// Ultrasonic sensors.
         ultrasonic: UltrasonicSettings,
-        /// The infrared sensor.
-        infrared: BeamSettings,
-        /// The RFID reader.
-        rfid: ReaderSettings,
-        /// The magnetic bar.
-        magnetic_bar: BarSettings,
     }
 
     /// Chassis and payload.
@@ -155,26 +149,6 @@ settings! {
         /// Time between two pings of a sensor.
         period: Duration = MS(60), range MS(1)..=S(10),
             assumed "common advice, so that no echo of the ping before is heard";
-    }
-
-    /// The infrared sensor.
-    pub struct BeamSettings {
-        /// Place ahead of the car's middle.
-        x: f64 = 0.17, unit "m", range -5.0..=5.0, assumed "on the front edge";
-        /// Distance up to which it detects something.
-        range: f64 = 0.3, unit "m", range 0.001..=10.0, assumed "a reflective switch set to 300 mm";
-    }
-
-    /// The RFID reader under the middle of the car.
-    pub struct ReaderSettings {
-        /// Distance from it at which a tag may lie.
-        radius: f64 = 0.04, unit "m", range 0.001..=5.0, assumed "a small coil just above the ground";
-    }
-
-    /// The bar of 16 magnetic sensors across the car.
-    pub struct BarSettings {
-        /// Place of the bar's middle ahead of the car's middle.
-        x: f64 = 0.15, unit "m", range -5.0..=5.0, assumed "near the front edge";
     }
 }
 

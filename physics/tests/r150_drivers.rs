@@ -308,3 +308,37 @@ fn loaded_it_begins_to_tip_where_geometry_says() {
         );
     }
 }
+
+#[test]
+fn the_height_of_its_centre_of_mass_says_on_which_slope_it_tips() {
+    for (height, tips) in [(0.3, false), (0.7, true)] {
+        let mut bench = with(|s| s.body.centre_of_mass_height = height);
+        bench
+            .world
+            .set_ground(Ground::new(1.2, f64::to_radians(33.0), 0.0));
+        bench.command(|commands| commands.parking_brake = true);
+        bench.run(1.0);
+        assert_eq!(bench.plant.truth().health.tipping, tips, "{height} m");
+    }
+}
+
+#[test]
+fn a_weak_parking_brake_lets_it_roll_down_a_slope() {
+    for (torque, stands) in [(200.0, true), (20.0, false)] {
+        let mut bench = with(|s| {
+            s.body.payload = 0.0;
+            s.motor.brake_torque = torque;
+            s.motor.gear_friction = 0.0;
+        });
+        bench
+            .world
+            .set_ground(Ground::new(1.2, f64::to_radians(15.0), 0.0));
+        bench.command(|commands| {
+            commands.parking_brake = true;
+            commands.propulsion_power = false;
+        });
+        bench.run(2.0);
+        let way = bench.plant.truth().motion.distance;
+        assert_eq!(way < 0.01, stands, "{torque} N*m: {way} m");
+    }
+}

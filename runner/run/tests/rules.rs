@@ -149,3 +149,15 @@ fn a_run_that_is_ended_early_says_what_did_not_come() {
     run.fail("the client ended with 3".to_owned());
     assert_eq!(run.end().failures.len(), 2);
 }
+
+#[test]
+fn a_response_counts_in_its_kind_of_run_only_and_no_mission_where_it_may_fail() {
+    let response = |more: &str| {
+        let text = "[[response]]\nwhenever = \"t > 0.5\"\nthen = \"false\"\nwithin = \"100ms\"\n";
+        r150("1s", &format!("{text}{more}"))
+    };
+    fails(&response(""), "expected `false` within 100ms");
+    fails(&response("only = \"scripted\"\n"), "expected `false`");
+    passes(&response("only = \"live\"\n"));
+    fails(&response("mission = true\n"), "expected `false`");
+}
