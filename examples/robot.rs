@@ -67,6 +67,7 @@ static ROBOT: DeviceSpec = DeviceSpec {
         schema: |generator| vec![Command::json_schema(generator)],
         frames: |_, sender, _| Box::new(Lines(Vec::new(), sender)),
         plan: "",
+        stop: "",
         chatters: false,
     },
     effects: &[effects::<RobotFault>()],

@@ -116,34 +116,15 @@ fn go_on(
     Ok(run.end().clone())
 }
 
-/// The messages that stop each device: those that ask for motion, for none.
+/// The message that stops each device that declares one.
 fn stops(run: &Run) -> Vec<(PortId, Message)> {
-    let mut stops = Vec::new();
-    for (device, plan) in run.scenario().rig.devices.iter().enumerate() {
-        let Some(settings) = plan.own_settings() else {
-            continue;
-        };
-        for info in plan.device.all_messages().filter(|info| info.motion) {
-            let names: Vec<&str> = info.fields.iter().map(|field| field.name).collect();
-            let read = |fields: &[&str]| {
-                let fields: Vec<String> = fields.iter().map(|name| format!("{name} = 0")).collect();
-                let text = format!("{} = {{ {} }}", info.name, fields.join(", "));
-                let table = DeTable::parse(&text).ok()?;
-                let span = table.span();
-                let value = Spanned::new(span, DeValue::Table(table.into_inner()));
-                (plan.device.host.read)(&value, settings).ok()
-            };
-            // What has a default keeps it: it may say that a motion takes the place of others.
-            let is_needed = |name: &&str| {
-                let others = names.iter().copied().filter(|other| other != name);
-                read(&others.collect::<Vec<_>>()).is_none()
-            };
-            let needed: Vec<&str> = names.iter().copied().filter(is_needed).collect();
-            if let Some(message) = read(&needed) {
-                let link = message.link;
-                stops.push((PortId { device, link }, message));
-            }
-        }
-    }
-    stops
+    let devices = run.scenario().rig.devices.iter().enumerate();
+    let stops = devices.filter_map(|(device, plan)| {
+        let table = DeTable::parse(plan.device.host.stop).ok()?;
+        let value = Spanned::new(table.span(), DeValue::Table(table.into_inner()));
+        let message = (plan.device.host.read)(&value, plan.own_settings()?).ok()?;
+        let link = message.link;
+        Some((PortId { device, link }, message))
+    });
+    stops.collect()
 }

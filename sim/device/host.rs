@@ -23,6 +23,8 @@ pub struct HostSpec {
     pub frames: fn(link: usize, Sender, &dyn DeviceSettings) -> Box<dyn FrameReader>,
     /// A drive that makes its settings identifiable, as TOML; empty for none.
     pub plan: &'static str,
+    /// A command that asks for standstill whatever runs, as TOML; empty for none.
+    pub stop: &'static str,
     /// It sends by itself, so that not all it sends answers.
     pub chatters: bool,
 }

@@ -1,4 +1,8 @@
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
 use super::*;
+use crate::mecanum::MECANUM_SPEC;
 use crate::r150::R150_SPEC;
 
 #[test]
@@ -15,4 +19,14 @@ fn a_row_whose_settings_have_another_type_builds_nothing() {
         seed: 1,
     };
     let _ = (R150_SPEC.build)(&setup, &mut world);
+}
+
+#[test]
+fn what_stops_a_device_is_a_command_of_it() {
+    for spec in [&R150_SPEC, &MECANUM_SPEC] {
+        let table = DeTable::parse(spec.host.stop).unwrap();
+        let value = Spanned::new(table.span(), DeValue::Table(table.into_inner()));
+        let message = (spec.host.read)(&value, &*(spec.settings)());
+        assert!(!message.unwrap().bytes.is_empty(), "{}", spec.id);
+    }
 }

@@ -32,6 +32,7 @@ pub(super) const HOST: HostSpec = HostSpec {
         frames(form, (&MECANUM_SPEC, link), sender, is_big)
     },
     plan: include_str!("identify.toml"),
+    stop: "motion = { moving_idx = 0, s = 0, v = 0 }",
     chatters: true,
 };
 

@@ -21,5 +21,6 @@ pub(super) const HOST: HostSpec = HostSpec {
     schema: |generator| vec![Request::json_schema(generator)],
     frames: |link, sender, _| frames(codec::FORM, (&R150_SPEC, link), sender, false),
     plan: include_str!("identify.toml"),
+    stop: "set_motors = { right = 0, left = 0 }",
     chatters: false,
 };
