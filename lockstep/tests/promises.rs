@@ -161,7 +161,7 @@ fn a_client_that_computes_without_end_learns_where() {
     // Long enough for a busy machine to have begun it.
     let doing = [1, 5, 25, 125].into_iter().find_map(|seconds| {
         let stage = Stage {
-            allowed: Duration::from_secs(seconds),
+            allowed: [Some(Duration::from_secs(seconds)), None],
             ..Stage::default()
         };
         let played = play_on(stage, &["sh", "-c", "while :; do :; done"]).expect("it can be run");
@@ -457,7 +457,7 @@ int main(void) {
                   \"$0\"; sleep 100 & kill -9 -1; echo killed all others; sleep 1";
     let words = [&inside[..], &["sh", "-c", script, text(&binary)]].concat();
     let stage = Stage {
-        allowed: Duration::from_secs(20),
+        allowed: [Some(Duration::from_secs(20)), None],
         ..Stage::default()
     };
     let played = play_on(stage, &words).expect("it can be run");
@@ -474,8 +474,8 @@ int main(void) {
 /// A machine that is busy with something else takes nothing of the time allowed.
 #[test]
 fn the_time_allowed_is_that_of_processors() {
-    let stage = |stalls, allowed| Stage {
-        allowed: Duration::from_secs(allowed),
+    let stage = |stalls, allowed: [Option<u64>; 2]| Stage {
+        allowed: allowed.map(|seconds| seconds.map(Duration::from_secs)),
         device: Device {
             stalls: Duration::from_millis(stalls),
             ..Device::default()
@@ -483,21 +483,22 @@ fn the_time_allowed_is_that_of_processors() {
         ..Stage::default()
     };
     let sleeps = "for i in 1 2 3 4 5; do sleep 1; done";
-    let played = play_on(stage(500, 2), &["sh", "-c", sleeps]).expect("it can be run");
+    let played = play_on(stage(500, [Some(2), None]), &["sh", "-c", sleeps]);
+    let played = played.expect("it can be run");
     assert!(played.took.as_millis() > 2500, "{:?}", played.took);
     assert_eq!(played.ending.end, End::Exited(0), "{:?}", played.ending);
     // All of its processes count, also those that have ended.
     let one = "python3 -c 'import time\nwhile time.process_time() < 0.4: pass'";
     let all = format!("{one}; {one} & {one} & wait; {one}; {one}");
-    let played = play_on(stage(0, 1), &["sh", "-c", &all]).expect("it can be run");
+    let played = play_on(stage(0, [Some(1), None]), &["sh", "-c", &all]).expect("it can be run");
     let reason = &played.ending.reason;
     assert!(
         matches!(reason, Reason::OutOfTime { real: false, .. }),
         "{reason:?}"
     );
     // Real time has its limit as well.
-    let played = play_on(stage(3000, 1), &["sh", "-c", sleeps]).expect("it can be run");
-    let reason = &played.ending.reason;
+    let played = play_on(stage(2000, [None, Some(1)]), &["sh", "-c", sleeps]);
+    let reason = played.expect("it can be run").ending.reason;
     assert!(
         matches!(reason, Reason::OutOfTime { real: true, .. }),
         "{reason:?}"

@@ -199,7 +199,8 @@ pub struct Stage {
     pub schedule: Option<u64>,
     pub device: Device,
     pub environment: Vec<(String, OsString)>,
-    pub allowed: Duration,
+    /// Processor time, and real time.
+    pub allowed: [Option<Duration>; 2],
 }
 
 impl Default for Stage {
@@ -209,7 +210,7 @@ impl Default for Stage {
             schedule: None,
             device: Device::default(),
             environment: Vec::new(),
-            allowed: Duration::from_secs(60),
+            allowed: [60, 600].map(|seconds| Some(Duration::from_secs(seconds))),
         }
     }
 }
@@ -235,8 +236,8 @@ pub fn play_on(stage: Stage, words: &[&str]) -> Result<Played, Error> {
         seed: stage.seed,
         schedule: stage.schedule,
         date: DATE,
-        allowed: Some(stage.allowed),
-        until: Some(begun + 10 * stage.allowed),
+        allowed: stage.allowed[0],
+        until: stage.allowed[1].map(|allowed| begun + allowed),
         stop: &stop,
     };
     let mut device = stage.device;
@@ -286,6 +287,9 @@ pub fn program(name: &str) -> Option<PathBuf> {
     }
     Some(PathBuf::from(name))
 }
+
+/// What several clients in C begin with.
+pub const CLIENT: &str = include_str!("client.h");
 
 /// Compiles C; `None` where there is no compiler, which is said.
 pub fn c(code: &str, flags: &[&str]) -> Option<(tempfile::TempDir, PathBuf)> {
