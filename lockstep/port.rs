@@ -12,9 +12,9 @@ use rigsim_settings::ClientLine;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
 use rustix::fs::{CWD, Mode, OFlags};
-use rustix::io::{Errno, retry_on_intr};
+use rustix::io::retry_on_intr;
 use rustix::termios::{
-    InputModes, LocalModes, OutputModes, QueueSelector, SpecialCodeIndex, Termios,
+    Action, LocalModes, OptionalActions, OutputModes, QueueSelector, SpecialCodeIndex, Termios,
 };
 
 /// Most bytes that go to the kernel at once, whose own limit is 4095.
@@ -60,10 +60,12 @@ pub struct Port {
     link: PathBuf,
     baud: u32,
     pair: Option<Pair>,
-    /// Bytes that the client has not read, but for those that are in the kernel.
-    waiting: VecDeque<u8>,
-    /// Bytes go through the kernel, since the terminal is not raw.
-    in_kernel: bool,
+    /// Bytes that have arrived, and that the terminal has not edited yet.
+    arrived: VecDeque<u8>,
+    /// Bytes that the client can read.
+    ready: VecDeque<u8>,
+    /// Lengths of the lines that these are, of a terminal that has lines (`ICANON`). An end of file has none.
+    lines: Option<VecDeque<usize>>,
     /// A client polls it by an epoll or is sent a signal (`O_ASYNC`): the kernel has to know whether there
     /// are bytes.
     pub(crate) needs_sign: bool,
@@ -71,8 +73,10 @@ pub struct Port {
     pub(crate) has_signalled: bool,
     /// The kernel has bytes that stand for those that wait.
     has_sign: bool,
-    /// The device has stopped what the client writes (`VSTOP`), and not started it again.
-    stopped: bool,
+    /// The client has stopped its output or its input (`tcflow`), or started it again.
+    pub(crate) flows: bool,
+    /// The world has had no room for what the client wrote.
+    is_full: bool,
     lost: u64,
     /// Open descriptions of it that clients hold.
     pub(crate) opened: usize,
@@ -85,6 +89,7 @@ pub struct Port {
 /// Both ends of a pseudo-terminal. Our own descriptor of the client's end lets us see what it sees.
 struct Pair {
     master: OwnedFd,
+    defaults: Termios,
     slave: OwnedFd,
     device: u64,
     watch: OwnedFd,
@@ -102,12 +107,14 @@ impl Port {
             link,
             baud,
             pair: None,
-            waiting: VecDeque::new(),
-            in_kernel: false,
+            arrived: VecDeque::new(),
+            ready: VecDeque::new(),
+            lines: None,
             needs_sign: false,
             has_signalled: false,
             has_sign: false,
-            stopped: false,
+            flows: false,
+            is_full: false,
             lost: 0,
             opened: 0,
             modem: 0,
@@ -163,10 +170,9 @@ impl Port {
         let Some(pair) = self.remove() else {
             return Ok(false);
         };
-        self.waiting.clear();
-        (self.in_kernel, self.needs_sign, self.has_sign) = (false, false, false);
-        self.stopped = false;
-        self.modem = 0;
+        self.forget_bytes();
+        (self.needs_sign, self.has_sign) = (false, false);
+        (self.flows, self.is_full, self.modem) = (false, false, 0);
         self.former.push_back(pair.hang_up()?);
         if self.former.len() > MOST_FORMER {
             self.former.pop_front();
@@ -190,11 +196,10 @@ impl Port {
         if !self.is_open() || self.pair.is_none() {
             return Ok(());
         }
-        let bytes = &self.control_flow(bytes)[..];
-        let room = MOST_WAITING.saturating_sub(self.waiting.len());
-        let (kept, lost) = bytes.split_at(bytes.len().min(room));
+        let waiting = self.arrived.len() + self.ready.len();
+        let (kept, lost) = bytes.split_at(bytes.len().min(MOST_WAITING.saturating_sub(waiting)));
         self.lost += lost.len() as u64;
-        self.waiting.extend(kept);
+        self.arrived.extend(kept);
         if !kept.is_empty() {
             // What arrives is a new edge for an epoll, and a new signal, though other bytes wait already.
             self.take_sign();
@@ -202,72 +207,75 @@ impl Port {
         self.top_up()
     }
 
-    /// Takes out the bytes by which the device stops and starts what the client writes (`IXON`).
-    fn control_flow(&mut self, bytes: &[u8]) -> Vec<u8> {
-        let mut bytes = bytes.to_vec();
-        let termios = self.termios();
-        if let Some(termios) = termios.filter(|one| one.input_modes.contains(InputModes::IXON)) {
-            let any = termios.input_modes.contains(InputModes::IXANY);
-            let codes = [SpecialCodeIndex::VSTART, SpecialCodeIndex::VSTOP];
-            let codes = codes.map(|code| termios.special_codes[code]);
-            bytes.retain(|byte| {
-                // Zero is none.
-                let is_control = *byte != 0 && codes.contains(byte);
-                self.stopped = match is_control {
-                    true => *byte != codes[0],
-                    false => self.stopped && !any,
-                };
-                !is_control
-            });
-        }
-        bytes
-    }
-
-    /// Returns whether the device has stopped what the client writes.
-    pub(crate) fn is_stopped(&self) -> bool {
-        let modes = self.termios().map(|termios| termios.input_modes);
-        self.stopped && modes.is_some_and(|modes| modes.contains(InputModes::IXON))
-    }
-
-    /// Brings the kernel's end to what waits: bytes, if the terminal is not raw; else whether there are
-    /// any, for an epoll. A poll of a terminal with nothing to read waits until it has what was written.
+    /// Passes what has arrived through the terminal, if that edits it, and brings the kernel's end to what waits:
+    /// whether there are any bytes, for an epoll.
     pub(crate) fn top_up(&mut self) -> io::Result<()> {
+        if !self.arrived.is_empty() && !self.is_readable() {
+            self.take_sign();
+        }
         let Some(pair) = &self.pair else {
             return Ok(());
         };
-        let raw = pair.settings()?.1.raw;
-        if self.in_kernel && raw {
-            for byte in pair.take_unread().into_iter().rev() {
-                self.waiting.push_front(byte);
+        let (termios, line) = pair.settings()?;
+        let has_lines = termios.local_modes.contains(LocalModes::ICANON);
+        if has_lines != self.lines.is_some() {
+            // What is left of a line that has not come to its end.
+            self.ready.extend(pair.edited(false)?.concat());
+            let one_line = VecDeque::from_iter(Some(self.ready.len()).filter(|length| *length > 0));
+            self.lines = has_lines.then_some(one_line);
+        }
+        if line.raw {
+            self.ready.append(&mut self.arrived);
+        }
+        // A sign must not be behind the beginning of a line.
+        let signs_lines = has_lines && self.needs_sign;
+        while !(self.arrived.is_empty() || signs_lines && self.is_readable()) {
+            let count = self
+                .arrived
+                .len()
+                .min(if signs_lines { 1 } else { MOST_IN_KERNEL });
+            let bytes: Vec<u8> = self.arrived.drain(..count).collect();
+            if pair.discards(termios, &bytes) {
+                self.ready.clear();
+                self.lines.iter_mut().for_each(VecDeque::clear);
+            }
+            pair.write(&bytes)?;
+            for part in pair.edited(has_lines)? {
+                self.lines
+                    .iter_mut()
+                    .for_each(|lines| lines.push_back(part.len()));
+                self.ready.extend(part);
             }
         }
-        self.in_kernel = !raw;
-        let wants_sign = raw && self.needs_sign && self.is_readable();
+        let wants_sign = self.needs_sign && self.is_readable();
         if self.has_sign && !wants_sign {
             self.take_sign();
         } else if wants_sign && !self.has_sign {
             (self.has_sign, self.has_signalled) = (true, true);
             let least = self.read_rule().least.unwrap_or(1).max(1);
-            // The tick of the tracer interrupts it now and then.
-            retry_on_intr(|| rustix::io::write(&pair.master, &vec![0; least]))?;
-            pair.is_readable();
-        }
-        let Some(pair) = self.pair.as_ref().filter(|_| !raw) else {
-            return Ok(());
-        };
-        let mut is_done = self.waiting.is_empty() || pair.is_readable();
-        while !is_done {
-            let (first, _) = self.waiting.as_slices();
-            let chunk = first.get(..MOST_IN_KERNEL).unwrap_or(first);
-            match rustix::io::write(&pair.master, chunk) {
-                Ok(count) => drop(self.waiting.drain(..count)),
-                Err(Errno::INTR) => {}
-                Err(Errno::AGAIN) => return Ok(()),
-                Err(error) => return Err(error.into()),
-            }
-            is_done = pair.is_readable() || self.waiting.is_empty();
+            pair.sign(termios, least)?;
         }
         Ok(())
+    }
+
+    /// Returns whether the terminal keeps back what the client writes.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.pair.as_ref().is_some_and(|pair| {
+            (self.flows || !pair.is_raw()) && !poll(&mut [PollFd::new(&pair.slave, PollFlags::OUT)])
+        })
+    }
+
+    /// The world has no room for what the client writes, or may have again. An epoll finds that, too.
+    pub(crate) fn set_full(&mut self, is_full: bool) {
+        if std::mem::replace(&mut self.is_full, is_full) != is_full
+            && self.needs_sign
+            && let Some(pair) = &self.pair
+        {
+            self.flows = true;
+            let action = if is_full { Action::OOff } else { Action::OOn };
+            // It cannot fail on a terminal that is there.
+            let _ = rustix::termios::tcflow(&pair.slave, action);
+        }
     }
 
     /// Settings by the client.
@@ -310,29 +318,33 @@ impl Port {
         changes
     }
 
-    /// The last client has left; what it has not read is not for the next.
+    /// The last client has left; what it has not read, and what it has set, is not for the next.
     pub(crate) fn forget_client(&mut self) {
-        self.waiting.clear();
+        self.forget_bytes();
         // An epoll may watch it for the next client already, so it needs signs as before.
-        (self.has_sign, self.stopped) = (false, false);
-        self.modem = 0;
-        if let Some(pair) = &self.pair {
-            // Both cannot fail on a terminal that is there.
-            let _ = rustix::termios::tcflush(&pair.slave, QueueSelector::IFlush);
-            let _ = rustix::termios::ioctl_tiocnxcl(&pair.slave);
+        self.has_sign = false;
+        (self.flows, self.is_full, self.modem) = (false, false, 0);
+        if let Some(pair) = &mut self.pair {
+            pair.settings.take();
+            pair.restore();
         }
+    }
+
+    fn forget_bytes(&mut self) {
+        self.arrived.clear();
+        self.ready.clear();
+        self.lines = None;
     }
 
     /// The client throws away what it has not read.
     pub(crate) fn flush_input(&mut self) {
-        self.waiting.clear();
+        self.forget_bytes();
         self.take_sign();
     }
 
     /// The client changes the settings.
     pub(crate) fn forget_settings(&mut self) {
         self.take_sign();
-        self.stopped = self.is_stopped();
         if let Some(pair) = &mut self.pair {
             pair.settings.take();
         }
@@ -367,13 +379,7 @@ impl Port {
 
     /// Bytes that the client could read at once.
     pub(crate) fn unread(&self) -> usize {
-        match &self.pair {
-            Some(pair) if self.in_kernel => {
-                let unread = pair.unread().ok();
-                unread.and_then(|n| usize::try_from(n).ok()).unwrap_or(0)
-            }
-            _ => self.waiting.len().min(MOST_READ),
-        }
+        self.ready.len().min(MOST_READ)
     }
 
     /// Returns whether a read of so many bytes ends at once.
@@ -393,39 +399,39 @@ impl Port {
     /// What a poll says of it.
     pub(crate) fn readiness(&self) -> PollFlags {
         let mut found = PollFlags::empty();
-        found.set(PollFlags::OUT | PollFlags::WRNORM, !self.is_stopped());
+        found.set(
+            PollFlags::OUT | PollFlags::WRNORM,
+            !self.is_full && !self.is_stopped(),
+        );
         found.set(PollFlags::IN | PollFlags::RDNORM, self.is_readable());
         found
     }
 
     fn is_readable(&self) -> bool {
-        match &self.pair {
-            Some(pair) if self.in_kernel => pair.is_readable(),
-            _ => {
-                let rule = self.read_rule();
+        let rule = self.read_rule();
+        match &self.lines {
+            Some(lines) => !lines.is_empty(),
+            None => {
                 let least = rule.least.filter(|_| rule.patience.is_none());
-                self.waiting.len() >= least.unwrap_or(1).max(1)
+                self.ready.len() >= least.unwrap_or(1).max(1)
             }
         }
     }
 
-    /// Takes what the client could read; `None` if it would have to wait.
+    /// Takes what the client could read, of one line if it reads lines; `None` if it would have to wait.
     pub(crate) fn read(&mut self, most: usize) -> Option<Vec<u8>> {
-        let most = most.min(MOST_READ);
-        if self.in_kernel {
-            let mut bytes = read(&self.pair.as_ref()?.slave, most)?;
-            // But for lines, what waits follows as soon as there is nothing before it.
-            let has_lines = self.read_rule().least.is_none();
-            while !has_lines && bytes.len() < most && self.top_up().is_ok() {
-                match read(&self.pair.as_ref()?.slave, most - bytes.len()) {
-                    Some(more) if !more.is_empty() => bytes.extend(more),
-                    _ => break,
-                }
+        let mut count = most.min(MOST_READ).min(self.ready.len());
+        if let Some(lines) = &mut self.lines {
+            let line = lines.front_mut()?;
+            count = count.min(*line);
+            *line -= count;
+            if *line == 0 {
+                lines.pop_front();
             }
-            return Some(bytes);
+        } else if self.ready.is_empty() {
+            return None;
         }
-        let count = most.min(self.waiting.len());
-        (!self.waiting.is_empty()).then(|| self.waiting.drain(..count).collect())
+        Some(self.ready.drain(..count).collect())
     }
 
     /// Bytes that a terminal makes of those that are written to it.
@@ -445,10 +451,10 @@ impl Port {
         cooked.flatten().collect()
     }
 
-    /// Bytes that the terminal itself sends back, as an echo of what came.
+    /// Bytes that the terminal itself sends, as an echo of what came.
     pub(crate) fn take_echo(&self) -> Vec<u8> {
         let pair = self.pair.as_ref();
-        let pair = pair.filter(|_| self.in_kernel && !self.is_stopped());
+        let pair = pair.filter(|pair| self.flows || !pair.is_raw());
         let echo = pair.and_then(|pair| read(&pair.master, MOST_READ));
         echo.unwrap_or_default()
     }
@@ -476,7 +482,8 @@ fn read(from: &OwnedFd, most: usize) -> Option<Vec<u8>> {
 impl Pair {
     fn open(baud: u32) -> io::Result<(Self, PathBuf)> {
         let setup = rigsim_pty::PtySetup::raw(baud);
-        let (master, node, _) = rigsim_pty::open_terminal(&setup).map_err(io::Error::other)?;
+        let (master, node, defaults) =
+            rigsim_pty::open_terminal(&setup).map_err(io::Error::other)?;
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
         let slave = rustix::fs::openat(CWD, &node, flags, Mode::empty())?;
         let device = rustix::fs::fstat(&slave)?.st_rdev;
@@ -485,6 +492,7 @@ impl Pair {
         inotify::add_watch(&watch, &node, events)?;
         let pair = Self {
             master,
+            defaults,
             slave,
             device,
             watch,
@@ -502,8 +510,74 @@ impl Pair {
         Ok(self.settings.get_or_init(|| (termios, line)))
     }
 
-    fn unread(&self) -> io::Result<u64> {
-        Ok(rustix::io::ioctl_fionread(&self.slave)?)
+    fn is_raw(&self) -> bool {
+        self.settings().is_ok_and(|(_, line)| line.raw)
+    }
+
+    /// Makes the terminal what it was before any client came. None of it fails on a terminal that is there.
+    fn restore(&self) {
+        let _ = rustix::termios::tcsetattr(&self.slave, OptionalActions::Now, &self.defaults);
+        let _ = rigsim_pty::restore_end(&self.slave);
+    }
+
+    /// Writes to the client's end, which has room for what goes there at once.
+    fn write(&self, mut bytes: &[u8]) -> io::Result<()> {
+        while !bytes.is_empty() {
+            // The tick of the tracer interrupts it now and then.
+            let count = retry_on_intr(|| rustix::io::write(&self.master, bytes))?;
+            bytes = bytes.get(count..).unwrap_or_default();
+        }
+        Ok(())
+    }
+
+    /// Takes what the terminal has made of all that was written: lines, or bytes.
+    fn edited(&self, has_lines: bool) -> io::Result<Vec<Vec<u8>>> {
+        let mut parts = Vec::new();
+        // A poll that finds nothing waits until the terminal has dealt with what was written. A read that does
+        // not wait takes what is there, whatever VMIN says.
+        while poll(&mut [PollFd::new(&self.slave, PollFlags::IN)]) || !has_lines {
+            match read(&self.slave, MOST_READ) {
+                Some(bytes) if has_lines || !bytes.is_empty() => parts.push(bytes),
+                _ => break,
+            }
+        }
+        Ok(parts)
+    }
+
+    /// Returns whether one of these bytes is a signal (`ISIG`), which throws away what has not been read.
+    fn discards(&self, termios: &Termios, bytes: &[u8]) -> bool {
+        let codes = [
+            SpecialCodeIndex::VINTR,
+            SpecialCodeIndex::VQUIT,
+            SpecialCodeIndex::VSUSP,
+        ]
+        .map(|code| termios.special_codes[code]);
+        let modes = termios.local_modes;
+        // Zero is none.
+        modes.contains(LocalModes::ISIG)
+            && !modes.contains(LocalModes::NOFLSH)
+            && bytes.iter().any(|byte| *byte != 0 && codes.contains(byte))
+    }
+
+    /// Writes so many bytes of no meaning, for which the terminal neither waits for a line nor sends an echo.
+    fn sign(&self, termios: &Termios, count: usize) -> io::Result<()> {
+        let set = |termios: &Termios| {
+            rustix::termios::tcsetattr(&self.slave, OptionalActions::Now, termios)
+        };
+        let mut plain = termios.clone();
+        plain.local_modes = LocalModes::empty();
+        let is_plain = !termios
+            .local_modes
+            .intersects(LocalModes::ICANON | LocalModes::ECHO);
+        if !is_plain {
+            set(&plain)?;
+        }
+        self.write(&vec![0; count])?;
+        poll(&mut [PollFd::new(&self.slave, PollFlags::IN)]);
+        if !is_plain {
+            set(termios)?;
+        }
+        Ok(())
     }
 
     /// Closes the master and returns the other end when that is hung up for the clients that have it open: until
@@ -523,24 +597,5 @@ impl Pair {
             "the client does not find that its cable has been pulled: another process has the other \
              end of its pseudo-terminal open",
         ))
-    }
-
-    /// Takes all that has passed the terminal, and what is still on its way: a poll of a terminal waits
-    /// for that. A read that does not wait takes what is there, whatever VMIN says.
-    fn take_unread(&self) -> Vec<u8> {
-        let mut all = Vec::new();
-        loop {
-            self.is_readable();
-            match read(&self.slave, MOST_READ) {
-                Some(bytes) if !bytes.is_empty() => all.extend(bytes),
-                _ => return all,
-            }
-        }
-    }
-
-    /// Returns whether a read would return something, by the terminal's own rules. If it would not,
-    /// all that has been written to the other end has been dealt with.
-    fn is_readable(&self) -> bool {
-        poll(&mut [PollFd::new(&self.slave, PollFlags::IN)])
     }
 }

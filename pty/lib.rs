@@ -67,7 +67,7 @@ pub use kind::{Counters, Event};
 pub use line::{Defaults, line_of};
 pub use net_decoder::{NetDecoder, Protocol};
 pub use net_port::ListenAddress;
-pub use pair::{PtySetup, open_terminal};
+pub use pair::{PtySetup, open_terminal, restore_end};
 pub use port::Port;
 pub use rigsim_settings::ClientLine;
 pub use signals::{ExitOnSignals, survive_full_files};

@@ -267,10 +267,8 @@ impl Pair {
             };
             // Settings first, since those that end suspension by XOFF do so only while nothing else
             // suspends.
-            restore_line_discipline(&slave).map_err(PortErrorKind::call("TIOCSETD"))?;
-            unless_hung_up(ioctl_tiocnxcl(&slave)).map_err(PortErrorKind::call("TIOCNXCL"))?;
             self.set_permissions(&slave)?;
-            resume_and_empty(&slave)?;
+            restore_end(&slave)?;
             drop(slave);
             if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
                 return Ok((true, visit + 1));
@@ -373,6 +371,16 @@ impl AsFd for Pair {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.master.as_fd()
     }
+}
+
+/// Undoes what clients have left at their end, but for settings and permissions.
+///
+/// # Errors
+/// When the system refuses it.
+pub fn restore_end(slave: &OwnedFd) -> Result<(), PortErrorKind> {
+    restore_line_discipline(slave).map_err(PortErrorKind::call("TIOCSETD"))?;
+    unless_hung_up(ioctl_tiocnxcl(slave)).map_err(PortErrorKind::call("TIOCNXCL"))?;
+    resume_and_empty(slave)
 }
 
 /// Resumes the client's output, and takes back what has arrived for it and was not read.

@@ -4,7 +4,7 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Device, Stage, c_played, c_prints, play_on, python, python_on};
+use common::{CLIENT, Device, Stage, c, c_played, c_prints, play_on, python, python_on, text};
 use rigsim_lockstep::{End, Reason};
 
 #[test]
@@ -453,4 +453,112 @@ print(after == before, os.open(after, os.O_RDWR | os.O_NOCTTY) > 0)
         "{:?}",
         played.ending
     );
+}
+
+/// The kernel edits what arrives, and a client cannot tell that it does so at once.
+#[test]
+fn all_modes_of_a_terminal_are_those_of_linux() {
+    let code = r#"
+static int fd; static char b[99];
+static int unread(void) { int n = -1; ioctl(fd, FIONREAD, &n); return n; }
+static int next(int most) { return read(fd, b, most); }
+static void ask(const char *text, int length) { write(fd, text, length); usleep(60000); }
+static void shows(int n) { for (int i = 0; i < n; i++) printf("%02x ", (unsigned char)b[i]); }
+int main(void) {
+  fd = port(0); int n; struct pollfd p = {fd, POLLIN}; input(fd, IXON, 0, 1);
+  ask("ab\n", 3); ask("cd\n", 3); n = unread(); printf("unread %d, %d\n", n, next(99));
+  input(fd, IXON, 0, 6); ask("ab\n", 3); ask("cd\n", 3); n = poll(&p, 1, 500); printf("least %d %d\n", n, next(99));
+  input(fd, ICRNL | IXON, 0, 1); ask("e\rf\n", 4); shows(next(99));
+  input(fd, ISTRIP | IUCLC, 0, 1); ask("\303B\n", 3); shows(next(99));
+  input(fd, PARMRK, 0, 1); ask("\377\n", 2); shows(next(99)); puts("");
+  input(fd, 0, ICANON, 1); ask("one\ntwo\nthr", 11); n = unread(); printf("lines %d", n);
+  n = next(99); printf(" %d", n); n = next(2); printf(" %d", n); n = next(99); printf(" %d\n", n);
+  n = poll(&p, 1, 50); printf("part %d %d", n, unread()); ask("ee\n", 3); n = poll(&p, 1, 0); printf(" %d %d\n", n, next(99));
+  ask("x\177y\025z\004\n", 8); n = unread(); printf("edited %d", n); n = next(99); printf(" %d %c", n, *b); n = next(99); printf(" %d\n", n);
+  ask("par\n", 4); ask("q\n", 2); input(fd, 0, 0, 1); n = unread(); printf("no lines %d %d", n, next(99));
+  ask("r\n", 2); ask("s\n", 2); input(fd, 0, ICANON, 1); n = unread(); printf(", one line %d %d\n", n, next(99));
+  input(fd, 0, ISIG, 1); ask("be\003fore\n", 8); n = unread(); printf("signal %d %d\n", n, next(99));
+}
+"#;
+    let expected = "unread 6, 6\nleast 1 6\n45 0a 46 0a 43 42 0a ff ff 0a \nlines 8 4 2 2\n\
+                    part 0 0 1 6\nedited 2 1 Z 1\nno lines 7 7, one line 4 4\nsignal 5 5\n";
+    c_prints(&format!("{CLIENT}{code}"), expected);
+}
+
+#[test]
+fn what_is_stopped_or_full_is_not_writable_for_any_poll() {
+    let code = r#"
+static int fd, e; static char b[99]; static struct epoll_event edge = {EPOLLIN | EPOLLOUT | EPOLLET}, got;
+static void writable(const char *what) {
+  struct pollfd p = {fd, POLLOUT}; fd_set s; FD_ZERO(&s); FD_SET(fd, &s); struct timeval none = {0, 0};
+  int n = poll(&p, 1, 0), m = select(fd + 1, 0, &s, 0, &none), k = epoll_wait(e, &got, 1, 0), l = epoll_wait(e, &got, 1, 0);
+  printf("%s %d %d %d %d\n", what, n, m, k, l);
+}
+int main(void) {
+  fd = port(O_NONBLOCK); input(fd, IXON, 0, 1); e = epoll_create1(0); epoll_ctl(e, EPOLL_CTL_ADD, fd, &edge);
+  writable("free"); tcflow(fd, TCOOFF); writable("stopped"); printf("%d\n", E(write(fd, "x", 1)));
+  tcflow(fd, TCOON); writable("started"); write(fd, "\023\n", 2); usleep(60000); read(fd, b, 9);
+  writable("by the device"); printf("%d\n", E(write(fd, "x", 1))); input(fd, 0, 0, 1); writable("ignored");
+  int n = E(write(fd, "abcdef\n", 7)); printf("%d", n); writable(" full"); n = epoll_wait(e, &got, 1, 1000);
+  printf("%d %x %d\n", n, got.events & EPOLLOUT, E(write(fd, "x", 1)));
+}
+"#;
+    let Some((_folder, binary)) = c(&format!("{CLIENT}{code}"), &[]) else {
+        return;
+    };
+    let stage = Stage {
+        device: Device {
+            room: 2,
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let played = play_on(stage, &[text(&binary)]).expect("it can be run");
+    assert_eq!(
+        played.output,
+        "free 1 1 1 0\nstopped 0 0 0 0\n-11\nstarted 1 1 1 0\nby the device 0 0 0 0\n-11\nignored 1 1 1 0\n\
+         2 full 0 0 0 0\n1 4 1\n",
+        "{:?}",
+        played.ending
+    );
+}
+
+#[test]
+fn the_last_close_makes_the_port_as_it_was() {
+    let code = r#"
+int main(void) {
+  struct termios t; int fd = port(O_NONBLOCK), n; char b[9]; input(fd, IXON, ICANON | ECHO, 7);
+  tcgetattr(fd, &t); cfsetspeed(&t, B9600); tcsetattr(fd, TCSANOW, &t); ioctl(fd, TIOCEXCL); tcflow(fd, TCOOFF);
+  printf("%d ", E(write(fd, "x", 1))); close(fd); fd = port(0); tcgetattr(fd, &t);
+  printf("%d %x %x %d\n", cfgetospeed(&t) == B115200, t.c_iflag, t.c_lflag, t.c_cc[VMIN]);
+  write(fd, "ab\n", 3); n = read(fd, b, 9); printf("%d\n", n);
+  // One that another process still has open is left as it is.
+  input(fd, 0, ICANON, 1); if (!fork()) { close(fd); _exit(0); } wait(0); tcgetattr(fd, &t); printf("%x\n", t.c_lflag & ICANON);
+}
+"#;
+    c_prints(&format!("{CLIENT}{code}"), "-11 1 0 0 1\n3\n2\n");
+}
+
+/// What an epoll finds are signs of bytes, in all modes.
+#[test]
+fn an_epoll_finds_lines_and_edited_bytes() {
+    let code = r#"
+static int fd, e; static char b[99]; static struct epoll_event v = {EPOLLIN | EPOLLET}, g;
+static int found(int ms) { return epoll_wait(e, &g, 1, ms); }
+static int next(int most) { return E(read(fd, b, most)); }
+static int unread(void) { int n = -1; ioctl(fd, FIONREAD, &n); return n; }
+int main(void) {
+  int n; fd = port(O_NONBLOCK); e = epoll_create1(0); epoll_ctl(e, EPOLL_CTL_ADD, fd, &v); input(fd, 0, ICANON, 1);
+  write(fd, "one\ntw", 6); n = found(500); printf("%d", n); n = found(60); printf(" %d %d", n, unread()); n = next(99); printf(" %d", n);
+  n = next(99); printf(" %d\n", n); write(fd, "o\n", 2); n = found(500); printf("%d %d", n, unread()); n = next(2); printf(" %d %d", n, next(99));
+  v.events = EPOLLIN; epoll_ctl(e, EPOLL_CTL_MOD, fd, &v); write(fd, "a\nb\n", 4); usleep(100000); n = found(50); printf(", %d %d", n, next(99));
+  n = found(50); printf(" %d %d", n, next(99)); printf(" %d\n", found(50));
+  input(fd, IXON, 0, 1); write(fd, "x\n", 2); n = found(500); printf("%d %d", n, next(99)); printf(" %d,", found(50));
+  input(fd, IXON | ICRNL, 0, 4); write(fd, "x\n", 2); printf(" %d", found(200)); write(fd, "y\n", 2); n = found(200); printf(" %d %d\n", n, next(99));
+  input(fd, 0, 0, 1); write(fd, "r\n", 2); n = found(500); input(fd, 0, ICANON, 1); printf("%d %d", n, found(50)); printf(" %d", next(99));
+  write(fd, "ab\n", 3); usleep(100000); input(fd, 0, 0, 1); n = found(50); printf(" %d %d", n, next(99)); printf(" %d\n", found(50));
+}
+"#;
+    let expected = "1 0 4 4 -11\n1 4 2 2, 1 2 1 2 0\n1 2 0, 0 1 4\n1 1 2 1 3 0\n";
+    c_prints(&format!("{CLIENT}{code}"), expected);
 }

@@ -53,6 +53,7 @@ impl Tracer<'_> {
                 self.now = self.now.max(to);
                 self.schedule.happened += 1;
                 self.schedule.advanced = self.schedule.happened;
+                self.ports.iter_mut().for_each(|port| port.set_full(false));
                 self.fire_timers()?;
             }
             Step::Over => self.ask_to_end(Reason::Over),

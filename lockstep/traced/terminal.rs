@@ -111,7 +111,9 @@ impl Tracer<'_> {
         if bytes.is_empty() || self.ports[index].is_stopped() {
             return Ok(0);
         }
-        Ok(self.world.sent(index, line, self.now, bytes)?)
+        let sent = self.world.sent(index, line, self.now, bytes)?;
+        self.ports[index].set_full(sent < bytes.len());
+        Ok(sent)
     }
 
     /// Sends to the world what a terminal that echoes has sent back by itself.
@@ -175,6 +177,10 @@ impl Tracer<'_> {
             libc::TCSETSF | libc::TCSETAF | libc::TCSETSF2 => {
                 port.forget_settings();
                 port.flush_input();
+                return Ok(Handling::Make);
+            }
+            libc::TCXONC => {
+                port.flows = true;
                 return Ok(Handling::Make);
             }
             libc::TCFLSH => {

@@ -6,6 +6,9 @@ const ENOSYS: u32 = libc::ENOSYS.cast_unsigned();
 
 /// Requests of `ioctl` that matter for ports. C libraries differ in their type.
 const REQUESTS: &[u64] = &[
+    libc::TCGETS as _,
+    libc::TCGETA as _,
+    libc::TCGETS2 as _,
     libc::TCSETS as _,
     libc::TCSETA as _,
     libc::TCSETS2 as _,
@@ -16,6 +19,7 @@ const REQUESTS: &[u64] = &[
     libc::TCSETAF as _,
     libc::TCSETSF2 as _,
     libc::TCFLSH as _,
+    libc::TCXONC as _,
     libc::TIOCMGET as _,
     libc::TIOCMBIS as _,
     libc::TIOCMBIC as _,
