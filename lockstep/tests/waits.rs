@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{c_prints, play, prints, python};
+use common::{CLIENT, c_prints, play, prints, python};
 use rigsim_lockstep::{End, Reason};
 
 #[test]
@@ -812,4 +812,94 @@ print(count)
 "#,
         "accept 0 0.5\naccept 1 1.0\nread 0 1.5\nread 1 2.0\nepoll 0 2.5\nepoll 1 3.0\n491520\n",
     );
+}
+
+/// A signal may be there before the poll that waits for it begins.
+#[test]
+fn polls_with_a_mask_find_signals_that_are_there() {
+    let code = r#"
+int main(void) {
+  sigset_t m, o, both; sigemptyset(&m); sigaddset(&m, SIGTERM); sigprocmask(SIG_BLOCK, &m, &o); signal(SIGTERM, hit);
+  struct timespec second = {1, 0}, none = {0, 0}; int n, p[2]; pipe(p); write(p[1], "x", 1);
+  raise(SIGTERM); n = E(pselect(0, 0, 0, 0, &second, &o)); printf("%d %d at %d\n", n, caught, at()); caught = 0;
+  raise(SIGTERM); n = E(ppoll(0, 0, &none, &o)); printf("%d %d", n, caught); n = E(ppoll(0, 0, &none, &o)); printf(" %d\n", n);
+  raise(SIGTERM); caught = 0; struct pollfd q = {p[0], POLLIN}; n = E(ppoll(&q, 1, &second, &o)); printf("%d %d\n", n, caught);
+  int e = epoll_create1(0); struct epoll_event v = {EPOLLIN}, g; n = E(epoll_pwait(e, &g, 1, 100, &o)); printf("%d %d\n", n, caught);
+  sigemptyset(&both); sigaddset(&both, SIGTERM); sigaddset(&both, SIGUSR1); sigprocmask(SIG_BLOCK, &both, 0);
+  sigemptyset(&m); sigaddset(&m, SIGUSR1); int f = signalfd(-1, &m, SFD_NONBLOCK); epoll_ctl(e, EPOLL_CTL_ADD, f, &v);
+  struct pollfd pe = {e, POLLIN}; n = poll(&pe, 1, 50); printf("%d", n); raise(SIGUSR1); n = poll(&pe, 1, 50); printf(" %d", n);
+  n = epoll_pwait(e, &g, 1, 100, &both); struct signalfd_siginfo i; read(f, &i, sizeof i); printf(" %d %d", n, i.ssi_signo);
+  n = epoll_pwait(e, &g, 1, 100, &both); printf(" %d at %d\n", n, at());
+}
+"#;
+    let expected = "-4 15 at 0\n-4 15 0\n1 0\n-4 15\n0 1 1 10 0 at 150\n";
+    c_prints(&format!("{CLIENT}{code}"), expected);
+}
+
+#[test]
+fn the_time_that_is_left_is_written_however_a_poll_ends() {
+    let code = r#"
+static int raw(long call, struct timespec *t) {
+  struct pollfd p = {0, 0}; return E(call == SYS_ppoll ? syscall(call, &p, 0, t, 0, 8) : syscall(call, 0, 0, 0, 0, t, 0));
+}
+int main(void) {
+  struct itimerval soon = {{0, 0}, {0, 100000}}; int n; signal(SIGALRM, hit);
+  long calls[] = {SYS_ppoll, SYS_pselect6};
+  for (int i = 0; i < 2; i++) {
+    struct timespec t = {0, 300000000}; setitimer(ITIMER_REAL, &soon, 0); n = raw(calls[i], &t); printf("%d %ld, ", n, t.tv_nsec);
+    n = raw(calls[i], &t); printf("%d %ld\n", n, t.tv_nsec);
+  }
+  struct timeval t = {1, 0}; fd_set s; FD_ZERO(&s); FD_SET(0, &s); setitimer(ITIMER_REAL, &soon, 0);
+  n = E(select(0, &s, 0, 0, &t)); printf("%d %ld %d\n", n, t.tv_usec, FD_ISSET(0, &s));
+}
+"#;
+    let expected = "-4 200000000, 0 0\n-4 200000000, 0 0\n-4 900000 1\n";
+    c_prints(&format!("{CLIENT}{code}"), expected);
+}
+
+/// A syscall keeps what its numbers led to.
+#[test]
+fn a_number_that_is_closed_meanwhile_ends_no_wait() {
+    let code = r#"
+static int e, f, p[2], q[2]; static struct epoll_event v = {EPOLLIN}, g; static pthread_t t; static const char *closes; static int *which;
+static void *later(void *_) { usleep(50000); close(*which); usleep(50000); uint64_t c = 1; write(f, &c, 8); if (which == p) write(p[1], "abc", 3); return 0; }
+static void begin(int *number) {
+  uint64_t c; which = number; e = epoll_create1(0); epoll_ctl(e, EPOLL_CTL_ADD, f, &v); read(f, &c, 8); pipe(p); pipe(q);
+  fcntl(q[1], F_SETPIPE_SZ, 4096); pthread_create(&t, 0, later, 0);
+}
+static void ended(const char *what, int n) { printf("%s %d at %d\n", what, n, at()); pthread_join(t, 0); }
+int main(void) {
+  char page[4096]; f = eventfd(0, EFD_NONBLOCK); sigset_t m, none; sigemptyset(&none); sigemptyset(&m); sigaddset(&m, SIGUSR2); sigprocmask(SIG_BLOCK, &m, 0);
+  for (int i = 0; i < 2; i++) {
+    begin(&e); ended("epoll", E(epoll_wait(e, &g, 1, 500))); begin(&e); ended("late", E(epoll_wait(e, &g, 1, 80)));
+    begin(&e); ended("mask", E(epoll_pwait(e, &g, 1, 500, &none))); signalfd(-1, &m, 0);
+  }
+  begin(&e); struct pollfd y = {e, POLLIN}; int n = E(poll(&y, 1, 500)); printf("%x ", y.revents); ended("poll", n);
+  begin(&e); fd_set s; FD_ZERO(&s); FD_SET(e, &s); struct timeval w = {0, 500000}; ended("select", E(select(e + 1, &s, 0, 0, &w)));
+  n = E(select(e + 1, &s, 0, 0, &w)); printf("closed %d %d %d\n", n, E(epoll_wait(e, &g, 1, 0)), E(splice(e, 0, q[1], 0, 9, 0)));
+  begin(p); ended("read", E(read(p[0], page, 9))); begin(p); ended("splice from", E(splice(p[0], 0, q[1], 0, 3, 0)));
+  begin(q + 1); write(q[1], page, 4096); write(p[1], "xyz", 3); if (!fork()) { usleep(200000); read(q[0], page, 4096); _exit(0); }
+  ended("splice to", E(splice(p[0], 0, q[1], 0, 3, 0)));
+}
+"#;
+    let expected = "epoll 1 at 100\nlate 0 at 180\nmask 1 at 300\nepoll 1 at 400\nlate 0 at 480\nmask 1 at 600\n\
+                    20 poll 1 at 700\nselect 1 at 800\nclosed -9 -9 -9\nread 3 at 900\nsplice from 3 at 1001\nsplice to 3 at 1201\n";
+    c_prints(&format!("{CLIENT}{code}"), expected);
+}
+
+#[test]
+fn timer_descriptors_take_all_reads_and_no_wrong_flags() {
+    let code = r#"
+int main(void) {
+  uint64_t c; int f = timerfd_create(CLOCK_BOOTTIME, 0), n; struct itimerspec i = {{0, 10000000}, {0, 10000000}};
+  n = E(timerfd_settime(f, 8, &i, 0)); printf("%d %d\n", n, E(read(f, &c, 4)));
+  struct iovec v[2] = {{&c, 4}, {(char *)&c + 4, 4}}; timerfd_settime(f, TFD_TIMER_ABSTIME | TFD_TIMER_CANCEL_ON_SET, &i, 0);
+  timerfd_settime(f, 0, &i, 0); usleep(105000); n = E(readv(f, v, 2)); printf("%d %lu\n", n, c); fflush(stdout);
+  int d = dup(f); close(f); i.it_interval.tv_nsec = 0; timerfd_settime(d, 0, &i, 0);
+  if (!fork()) { n = E(read(d, &c, 8)); printf("%d %lu at %d\n", n, c, at()); fflush(stdout); _exit(0); }
+  wait(0); struct pollfd p = {d, POLLIN}; n = poll(&p, 1, 50); printf("%d\n", n);
+}
+"#;
+    let expected = "-22 -22\n8 10\n8 1 at 115\n0\n";
+    c_prints(&format!("{CLIENT}{code}"), expected);
 }

@@ -1,13 +1,12 @@
 //! Descriptors that programs close, and those that another thread waits for meanwhile.
 
 use std::ops::RangeInclusive;
-use std::rc::Rc;
 
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, int};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::Thread;
-use crate::traced::wait::{PollResult, Rest, Wait};
+use crate::traced::wait::Wait;
 
 impl Tracer<'_> {
     /// Descriptors of a process are about to be closed, or to lead elsewhere.
@@ -36,41 +35,30 @@ impl Tracer<'_> {
         let awaited = |(tid, thread): (&Tid, &Thread)| {
             let may_be = thread.process == entry.process && thread.kept.is_none();
             let block = thread.block().filter(|_| may_be)?;
-            let a = block.registers.arguments();
-            let rest = match &block.wait {
-                Wait::Transfer(rest) => rest.clone(),
-                Wait::Poll {
-                    set,
-                    result: PollResult::Call { .. },
-                    ..
-                } => {
-                    // A copy may wait for another of its arguments.
-                    let one = set.first().filter(|one| one.fd == int(a[0]))?;
-                    let whole = (block.registers.number(), a);
-                    Rest {
-                        of: Rc::clone(one.file.as_ref()?),
-                        flags: one.flags,
-                        whole,
-                        of_part: whole,
-                        parts: Vec::new(),
-                        done: 0,
-                        enough: Some(0),
-                    }
-                }
-                _ => return None,
+            let whole = (block.registers.number(), block.registers.arguments());
+            // A copy may wait for either of two.
+            let places: &[usize] = match whole.0 {
+                libc::SYS_splice => &[0, 2],
+                libc::SYS_tee | libc::SYS_sendfile => &[0, 1],
+                _ => &[0],
             };
-            fds.contains(&int(a[0])).then_some((*tid, rest))
+            let is_closed = |place: &&usize| fds.contains(&int(whole.1[**place]));
+            let place = *places.iter().find(is_closed)?;
+            match &block.wait {
+                Wait::Transfer(rest) => Some((*tid, place, rest.clone())),
+                _ => None,
+            }
         };
-        let Some((tid, mut rest)) = self.tree.threads.iter().find_map(awaited) else {
+        let Some((tid, place, mut rest)) = self.tree.threads.iter().find_map(awaited) else {
             return Ok(());
         };
         let command = u64::from(libc::F_DUPFD_CLOEXEC.unsigned_abs());
-        let duplicate = [rest.whole.1[0], command, LEAST, 0, 0, 0];
+        let duplicate = [rest.whole.1[place], command, LEAST, 0, 0, 0];
         let kept = self.inject(entry.tid, libc::SYS_fcntl, duplicate)?;
         let Ok(kept) = u64::try_from(kept) else {
             return Ok(());
         };
-        (rest.whole.1[0], rest.of_part.1[0]) = (kept, kept);
+        (rest.whole.1[place], rest.of_part.1[place]) = (kept, kept);
         self.tree.thread(tid)?.kept = Some(kept);
         if let Some(block) = self.tree.block_of(tid) {
             block.wait = Wait::Transfer(rest);

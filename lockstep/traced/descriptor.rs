@@ -6,11 +6,13 @@ use std::net::SocketAddr;
 use std::os::fd::{AsFd, AsRawFd as _, OwnedFd};
 use std::rc::Rc;
 
-use rustix::event::{PollFd, PollFlags};
+use rustix::buffer::spare_capacity;
+use rustix::event::{PollFd, PollFlags, Timespec, epoll};
 use rustix::fs::{AtFlags, CWD, FileType, OFlags, StatxFlags, makedev, statx};
 
 use crate::copies;
 use crate::port::poll;
+use crate::traced::proc::{info_of, members_of_epoll, own_pid};
 use crate::traced::sys::Tid;
 
 /// The descriptors that a process has used, until it closes them; `None` for one that cannot be known.
@@ -127,6 +129,28 @@ impl Descriptor {
         is_any_ready(&mut [PollFd::new(&self.file, flags)])
     }
 
+    /// Takes events of an epoll: their count, and as programs find them in memory.
+    ///
+    /// # Errors
+    /// When it is none.
+    pub(crate) fn take_events(&self, most: usize) -> rustix::io::Result<(usize, Vec<u8>)> {
+        /// The others follow the next time.
+        const MOST: usize = 1024;
+        let _copies = copies::none();
+        let mut events: Vec<epoll::Event> = Vec::with_capacity(most.min(MOST));
+        epoll::wait(
+            &self.file,
+            spare_capacity(&mut events),
+            Some(&Timespec::default()),
+        )?;
+        let bytes = events.iter().flat_map(|event| {
+            let epoll::Event { flags, data } = *event;
+            let (flags, data) = (flags.bits().to_ne_bytes(), data.u64().to_ne_bytes());
+            flags.into_iter().chain(data)
+        });
+        Ok((events.len(), bytes.collect()))
+    }
+
     /// Returns whether a write that is as long as this would wait in the kernel for room, although a poll says
     /// that there is some: of a pipe, or of a socket without messages.
     pub(crate) fn takes_parts(&self, length: u64) -> bool {
@@ -153,6 +177,16 @@ impl Descriptor {
         // What could be set can be put back.
         let _ = rustix::fs::fcntl_setfl(&self.file, flags);
         Ok(made)
+    }
+
+    /// What the system says of it under this name.
+    pub(crate) fn info(&self, name: &str) -> Option<String> {
+        info_of(own_pid(), self.file.as_raw_fd(), name)
+    }
+
+    /// What an epoll polls: numbers of descriptors of the processes that have added them.
+    pub(crate) fn members(&self) -> Vec<(i32, PollFlags)> {
+        members_of_epoll(own_pid(), self.file.as_raw_fd())
     }
 
     /// Its path, as the system tells it.

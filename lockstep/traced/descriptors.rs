@@ -8,7 +8,7 @@ use rustix::fs::{Mode, OFlags};
 use rustix::process::PidfdGetfdFlags;
 
 use crate::traced::descriptor::{Descriptor, EVER_READY, QUEUES, Status, is_any_ready};
-use crate::traced::proc::{Signals, descriptors_of, info_of, members_of_epoll, number, path_of};
+use crate::traced::proc::{Signals, descriptors_of, number, path_of};
 use crate::traced::sys::Tid;
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::Awaited;
@@ -103,7 +103,8 @@ impl Tracer<'_> {
         let (mut polls, mut places) = (Vec::new(), Vec::new());
         for (at, Awaited { fd, flags, file }) in set.iter().enumerate() {
             // A poll from outside would take an epoll's note of a signal away.
-            if flags.contains(PollFlags::IN) && self.has_signal(tid, *fd) {
+            let has_signal = || file.as_ref().is_some_and(|file| self.has_signal(tid, file));
+            if flags.contains(PollFlags::IN) && has_signal() {
                 found[at] = PollFlags::IN;
                 continue;
             }
@@ -133,18 +134,24 @@ impl Tracer<'_> {
         found
     }
 
+    /// Returns whether a poll by a thread finds one of these of a descriptor, or an error.
+    pub(crate) fn is_ready(&self, tid: Tid, file: &Descriptor, flags: PollFlags) -> bool {
+        file.is_ready(flags) || flags == PollFlags::IN && self.has_signal(tid, file)
+    }
+
     /// Returns whether a descriptor of a thread is a `signalfd`, or an epoll with one, that has a signal
     /// for it. The system would answer a poll of our duplicate for this program's own signals.
-    pub(crate) fn has_signal(&self, tid: Tid, fd: i32) -> bool {
+    pub(crate) fn has_signal(&self, tid: Tid, file: &Descriptor) -> bool {
         let process = self.tree.process_of(tid);
-        if !self.descriptors.has_signalfd {
+        if !self.descriptors.has_signalfd || !file.is_anonymous() {
             return false;
         }
-        match info_of(process, fd, "sigmask:").and_then(|mask| number(&mask)) {
+        match file.info("sigmask:").and_then(|mask| number(&mask)) {
             Some(mask) => Signals::of(process, tid).is_some_and(|all| all.pending & mask != 0),
-            None => members_of_epoll(process, fd)
-                .into_iter()
-                .any(|(member, _)| self.has_signal(tid, member)),
+            None => file.members().into_iter().any(|(member, _)| {
+                let member = self.descriptor(process, member);
+                member.is_some_and(|member| self.has_signal(tid, &member))
+            }),
         }
     }
 

@@ -14,8 +14,34 @@ use crate::traced::syscall::{Entry, Halt, counted};
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::Rest;
 
+/// The flag by which a splice is not to wait.
+pub(crate) const NO_SPLICE_WAIT: u64 = libc::SPLICE_F_NONBLOCK as u64;
+
 /// The length of a `mmsghdr`.
 const MESSAGE: u64 = 64;
+
+impl Rest {
+    /// A transfer that is made at once when there is something.
+    pub(crate) fn all(entry: Entry, of: &Rc<Descriptor>, flags: PollFlags) -> Self {
+        let mut whole = (entry.registers.number(), entry.a);
+        // Neither end of a copy waits in the kernel.
+        let given = match entry.call {
+            Syscall::Splice => Some(&mut whole.1[5]),
+            Syscall::Tee | Syscall::Vmsplice => Some(&mut whole.1[3]),
+            _ => None,
+        };
+        given.into_iter().for_each(|flags| *flags |= NO_SPLICE_WAIT);
+        Self {
+            of: Rc::clone(of),
+            flags,
+            whole,
+            of_part: whole,
+            parts: Vec::new(),
+            done: 0,
+            enough: Some(0),
+        }
+    }
+}
 
 impl Tracer<'_> {
     /// Returns a transfer that would wait in the kernel although a poll finds something, as one that is made
@@ -61,13 +87,10 @@ impl Tracer<'_> {
             return Ok(None);
         }
         let mut rest = Rest {
-            of: Rc::clone(of),
-            flags,
-            whole,
             of_part,
             parts,
-            done: 0,
             enough: None,
+            ..Rest::all(entry, of, flags)
         };
         if call == Syscall::Recvmmsg {
             rest.enough = match has(libc::MSG_WAITFORONE) {
@@ -83,6 +106,13 @@ impl Tracer<'_> {
     /// Makes a client transfer as much of the rest as can be now; returns the result of its syscall if that is
     /// at its end.
     pub(crate) fn transfer(&mut self, tid: Tid, rest: &mut Rest) -> Result<Option<i64>, Halt> {
+        let is_read = [libc::SYS_read, libc::SYS_readv].contains(&rest.whole.0);
+        if is_read
+            && rest.of.is_anonymous()
+            && let Some(count) = self.read_timer(tid, &rest.of, &rest.parts)?
+        {
+            return Ok(Some(count));
+        }
         let mut call = rest.whole;
         loop {
             if rest.done > 0 {

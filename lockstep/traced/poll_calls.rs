@@ -1,16 +1,16 @@
-//! Syscalls that wait for one of several descriptors. All but those on an epoll are answered, since the
-//! kernel has none of the bytes of a port.
+//! Syscalls that wait for one of several descriptors. All are answered, since the kernel has none of the bytes of a
+//! port.
 
 use rustix::event::PollFlags;
 
-use crate::traced::arch::{Registers, Syscall};
+use crate::traced::arch::Syscall;
 use crate::traced::clock::{parts, parts_micros, span_micros};
 use crate::traced::memory::Memory;
-use crate::traced::proc::table_size;
+use crate::traced::proc::{Signals, path_of, table_size};
 use crate::traced::sys::Tid;
-use crate::traced::syscall::{Entry, Halt, Handling, counted, int};
+use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
 use crate::traced::tracer::Tracer;
-use crate::traced::wait::{Awaited, PollResult, Wait};
+use crate::traced::wait::{Awaited, PollResult, Times, Wait};
 
 /// Most descriptors in one syscall; beyond that the system decides.
 const MOST: usize = 1 << 16;
@@ -22,9 +22,6 @@ const SETS: [PollFlags; 3] = [
     PollFlags::OUT.union(PollFlags::ERR),
     PollFlags::PRI,
 ];
-
-/// The deadline of a poll, and the signals that are blocked meanwhile in the place of others.
-type Times = (Option<u64>, Option<u64>);
 
 impl Tracer<'_> {
     pub(crate) fn poll_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
@@ -39,31 +36,44 @@ impl Tracer<'_> {
             0 => Ok(None),
             _ => memory.read_u64(address).map(Some),
         };
-        let times = match call {
-            Syscall::Poll => (millis(a[2]), None),
-            Syscall::Ppoll => (self.deadline_at(tid, a[2], None)?, word(a[3])?),
-            Syscall::Select if a[4] == 0 => (None, None),
+        let (deadline, mask, left) = match call {
+            Syscall::Poll => (millis(a[2]), None, (0, false)),
+            Syscall::Ppoll => (
+                self.deadline_at(tid, a[2], None)?,
+                word(a[3])?,
+                (a[2], false),
+            ),
+            Syscall::Select if a[4] == 0 => Default::default(),
             Syscall::Select => {
                 let time = span_micros(memory.read_pair(a[4])?).ok_or(Halt::Make)?;
-                (Some(now.saturating_add(time)), None)
+                (Some(now.saturating_add(time)), None, (a[4], true))
             }
             // The set of signals lies behind another address.
             Syscall::Pselect => (
                 self.deadline_at(tid, a[4], None)?,
                 word(word(a[5])?.unwrap_or(0))?,
+                (a[4], false),
             ),
-            Syscall::EpollPwait2 => (self.deadline_at(tid, a[3], None)?, word(a[4])?),
-            Syscall::EpollPwait => (millis(a[3]), word(a[4])?),
-            _ => (millis(a[3]), None),
+            Syscall::EpollPwait2 => (self.deadline_at(tid, a[3], None)?, word(a[4])?, (0, false)),
+            Syscall::EpollPwait => (millis(a[3]), word(a[4])?, (0, false)),
+            _ => (millis(a[3]), None, (0, false)),
+        };
+        let times = Times {
+            deadline,
+            mask,
+            left,
         };
         match call {
             Syscall::Poll | Syscall::Ppoll => self.poll(entry, times),
-            Syscall::Select | Syscall::Pselect => {
-                self.select(entry, call == Syscall::Select, times)
-            }
+            Syscall::Select | Syscall::Pselect => self.select(entry, times),
             _ => {
-                let set = vec![(int(a[0]), PollFlags::IN)];
-                self.poll_set(entry, set, PollResult::Kernel, times)
+                // The system refuses this.
+                let most = usize::try_from(int(a[2])).ok().filter(|most| *most > 0);
+                let result = PollResult::Events {
+                    address: a[1],
+                    most: most.ok_or(Halt::Make)?.min(MOST),
+                };
+                self.poll_set(entry, vec![(int(a[0]), PollFlags::IN)], result, times)
             }
         }
     }
@@ -88,8 +98,8 @@ impl Tracer<'_> {
         self.poll_set(entry, set, result, times)
     }
 
-    fn select(&mut self, entry: Entry, micros: bool, times: Times) -> Result<Handling, Halt> {
-        let [count, read, write, except, time, _] = entry.a;
+    fn select(&mut self, entry: Entry, times: Times) -> Result<Handling, Halt> {
+        let [count, read, write, except, ..] = entry.a;
         let sets = [read, write, except];
         let mut count = usize::try_from(int(count)).map_err(|_| Halt::Make)?;
         if count > libc::FD_SETSIZE {
@@ -110,12 +120,7 @@ impl Tracer<'_> {
             let members = (0..count).filter(is_in);
             set.extend(members.map(|fd| (i32::try_from(fd).unwrap_or(-1), flags)));
         }
-        let result = PollResult::Sets {
-            sets,
-            bytes,
-            time,
-            micros,
-        };
+        let result = PollResult::Sets { sets, bytes };
         self.poll_set(entry, set, result, times)
     }
 
@@ -124,49 +129,106 @@ impl Tracer<'_> {
         entry: Entry,
         set: Vec<(i32, PollFlags)>,
         result: PollResult,
-        (deadline, mask): Times,
+        times: Times,
     ) -> Result<Handling, Halt> {
-        self.pass_polled(entry.tid, &set)?;
+        let Entry { tid, process, .. } = entry;
+        self.pass_polled(tid, &set)?;
         for port in &mut *self.ports {
             port.top_up()?;
         }
-        let only_queries = deadline.is_some_and(|deadline| deadline <= self.now);
-        let backs_off = only_queries.then(|| self.query(entry));
-        let awaited = |one| self.awaited(entry.process, one);
+        let awaited = |one| self.awaited(process, one);
         let set: Vec<Awaited> = set.into_iter().map(awaited).collect();
-        if self.is_asked(&result, mask) {
-            return Ok(match (self.ask_epoll(entry.tid)?, backs_off) {
-                (Some(found), _) => Handling::Answer(found),
-                (None, Some(None)) => Handling::Answer(0),
-                (None, Some(Some(backs_off))) => backs_off,
-                (None, None) => Handling::Block(Wait::Poll { set, result, mask }, deadline),
-            });
+        let is_poll = matches!(result, PollResult::Revents { .. });
+        let is_none = |one: &Awaited| one.file.is_none() && path_of(process, one.fd).is_none();
+        if !is_poll && set.iter().any(is_none) {
+            return Ok(failure(libc::EBADF));
         }
-        let found = self.found(entry.tid, &set, &result);
+        let only_queries = times.deadline.is_some_and(|deadline| deadline <= self.now);
+        let backs_off = only_queries.then(|| self.query(entry));
         // A poll that does not wait, and is not one of too many, is answered with what there is.
-        if matches!(backs_off, Some(None)) || !found.iter().all(PollFlags::is_empty) {
-            let answer = self.answer_poll(entry.tid, &set, &found, &result, deadline)?;
-            return Ok(answer.map_or(Handling::Make, Handling::Answer));
+        let is_signalled = self.is_signalled(tid, times.mask);
+        let ends = matches!(backs_off, Some(None)) && !is_signalled;
+        if let Some(answer) = self.poll_now(tid, &set, &result, (times, ends))? {
+            return Ok(Handling::Answer(answer));
         }
         if let Some(Some(backs_off)) = backs_off {
             return Ok(backs_off);
         }
-        Ok(Handling::Block(Wait::Poll { set, result, mask }, deadline))
+        self.schedule.signalled |= is_signalled;
+        let wait = Wait::Poll { set, result, times };
+        Ok(Handling::Block(wait, times.deadline))
     }
 
-    /// Returns whether a poll is of an epoll that may have a `signalfd`, whichever its number is now.
-    pub(crate) fn is_asked(&self, result: &PollResult, mask: Option<u64>) -> bool {
-        let is_kernel = matches!(result, PollResult::Kernel);
-        self.descriptors.has_signalfd && is_kernel && mask.is_none()
+    /// Returns whether a signal ends a poll at once that has this mask.
+    fn is_signalled(&self, tid: Tid, mask: Option<u64>) -> bool {
+        let signals = mask.and_then(|_| Signals::of(self.tree.process_of(tid), tid));
+        signals.is_some_and(|signals| signals.interrupting(mask) != 0)
     }
 
-    /// Makes a thread that waits for an epoll ask it without waiting: the kernel finds the signals of the
-    /// thread that asks. Returns the count of events, if there are any, or an error.
-    pub(crate) fn ask_epoll(&mut self, tid: Tid) -> Result<Option<i64>, Halt> {
-        let [fd, events, most, ..] = Registers::of(tid)?.arguments();
-        let arguments = [fd, events, most, 0, 0, 0];
-        let found = self.inject(tid, libc::SYS_epoll_wait, arguments)?;
-        Ok((found != 0).then_some(found))
+    /// Polls, and writes what is found, if it is anything or the poll `ends`; what the syscall returns then.
+    pub(crate) fn poll_now(
+        &mut self,
+        tid: Tid,
+        set: &[Awaited],
+        result: &PollResult,
+        (times, ends): (Times, bool),
+    ) -> Result<Option<i64>, Halt> {
+        let answer = match result {
+            PollResult::Events { address, most } => {
+                self.take_events(tid, set, (*address, *most))?
+            }
+            _ => {
+                let mut found = self.found(tid, set, result);
+                let process = self.tree.process_of(tid);
+                let is_same = || set.iter().all(|one| self.leads_there(process, one));
+                // A poll ends by what it began with, and tells what the numbers lead to then.
+                if (ends || found.iter().any(|one| !one.is_empty())) && !is_same() {
+                    found = self.found_now(tid, set, result);
+                }
+                match found.iter().all(PollFlags::is_empty) {
+                    true if !ends => 0,
+                    _ => write_found(tid, set, &found, result)?,
+                }
+            }
+        };
+        if answer == 0 && !ends {
+            return Ok(None);
+        }
+        write_left(tid, times, self.now);
+        Ok(Some(answer))
+    }
+
+    /// Takes events of an epoll, and writes them there; their count, or an error.
+    fn take_events(
+        &mut self,
+        tid: Tid,
+        set: &[Awaited],
+        (address, most): (u64, usize),
+    ) -> Result<i64, Halt> {
+        let Some(epoll) = set.first() else {
+            return Ok(0);
+        };
+        // The kernel finds the signals of the thread that asks.
+        let by_number = self.descriptors.has_signalfd || epoll.file.is_none();
+        if by_number && self.leads_there(self.tree.process_of(tid), epoll) {
+            let arguments = [
+                epoll.fd.unsigned_abs().into(),
+                address,
+                most as u64,
+                0,
+                0,
+                0,
+            ];
+            return self.inject(tid, libc::SYS_epoll_wait, arguments);
+        }
+        match epoll.file.as_ref().map(|file| file.take_events(most)) {
+            Some(Ok((count, events))) => {
+                Memory(tid).write(address, &events)?;
+                Ok(counted(count))
+            }
+            Some(Err(error)) => Ok(-i64::from(error.raw_os_error())),
+            None => Ok(0),
+        }
     }
 
     /// Returns what a poll finds. A set of `select` has no place for a hang-up that it does not ask for.
@@ -191,64 +253,54 @@ impl Tracer<'_> {
         let now = |one: &Awaited| self.awaited(process, (one.fd, one.flags));
         self.found(tid, &set.iter().map(now).collect::<Vec<_>>(), result)
     }
+}
 
-    /// Writes what a poll has found; what it returns, or `None` if that is the kernel's.
-    pub(crate) fn answer_poll(
-        &self,
-        tid: Tid,
-        set: &[Awaited],
-        found: &[PollFlags],
-        result: &PollResult,
-        deadline: Option<u64>,
-    ) -> Result<Option<i64>, Halt> {
-        let memory = Memory(tid);
-        match result {
-            PollResult::Kernel | PollResult::Call { .. } => Ok(None),
-            PollResult::Revents { address, entries } => {
-                let mut entries = entries.clone();
-                for (entry, found) in entries.chunks_exact_mut(8).zip(found) {
-                    entry[6..].copy_from_slice(&found.bits().to_ne_bytes());
-                }
-                memory.write(*address, &entries)?;
-                let ready = found.iter().filter(|found| !found.is_empty());
-                Ok(Some(counted(ready.count())))
+/// Writes the time that is left of a poll. One that cannot be written is no error.
+pub(crate) fn write_left(tid: Tid, times: Times, now: u64) {
+    let (address, micros) = times.left;
+    if address != 0 {
+        let left = times.deadline.unwrap_or_default().saturating_sub(now);
+        let (seconds, part) = (if micros { parts_micros } else { parts })(left);
+        let _ = Memory(tid).write_pair(address, seconds, part);
+    }
+}
+
+/// Writes what a poll has found; what it returns.
+fn write_found(
+    tid: Tid,
+    set: &[Awaited],
+    found: &[PollFlags],
+    result: &PollResult,
+) -> Result<i64, Halt> {
+    let memory = Memory(tid);
+    match result {
+        PollResult::Events { .. } => Ok(0),
+        PollResult::Revents { address, entries } => {
+            let mut entries = entries.clone();
+            for (entry, found) in entries.chunks_exact_mut(8).zip(found) {
+                entry[6..].copy_from_slice(&found.bits().to_ne_bytes());
             }
-            PollResult::Sets {
-                sets,
-                bytes,
-                time,
-                micros,
-            } => {
-                if found.contains(&PollFlags::NVAL) {
-                    return Ok(Some(-i64::from(libc::EBADF)));
-                }
-                let (mut written, mut count) = (Vec::new(), 0);
-                let (mut places, kinds): (Vec<_>, Vec<_>) = places(*sets, *bytes).unzip();
-                for kind in kinds {
-                    let from = written.len();
-                    written.resize(from + bytes, 0);
-                    for (one, found) in set.iter().zip(found) {
-                        if one.flags == kind && found.intersects(kind) {
-                            let fd = usize::try_from(one.fd).unwrap_or_default();
-                            written[from + fd / 8] |= 1 << (fd % 8);
-                            count += 1;
-                        }
+            memory.write(*address, &entries)?;
+            let ready = found.iter().filter(|found| !found.is_empty());
+            Ok(counted(ready.count()))
+        }
+        PollResult::Sets { sets, bytes } => {
+            let (mut written, mut count) = (Vec::new(), 0);
+            let (places, kinds): (Vec<_>, Vec<_>) = places(*sets, *bytes).unzip();
+            for kind in kinds {
+                let from = written.len();
+                written.resize(from + bytes, 0);
+                for (one, found) in set.iter().zip(found) {
+                    // A number that has been closed meanwhile is ready for everything.
+                    if one.flags == kind && found.intersects(kind | PollFlags::NVAL) {
+                        let fd = usize::try_from(one.fd).unwrap_or_default();
+                        written[from + fd / 8] |= 1 << (fd % 8);
+                        count += 1;
                     }
                 }
-                if *time != 0 {
-                    let left = deadline.unwrap_or_default().saturating_sub(self.now);
-                    let (seconds, part) = (if *micros { parts_micros } else { parts })(left);
-                    written.extend([seconds, part].map(i64::to_ne_bytes).as_flattened());
-                    places.push((*time, 16));
-                }
-                if memory.write_all(&places, &written).is_err() && *time != 0 {
-                    // A time that cannot be written is no error.
-                    places.pop();
-                    written.truncate(written.len() - 16);
-                }
-                memory.write_all(&places, &written)?;
-                Ok(Some(count))
             }
+            memory.write_all(&places, &written)?;
+            Ok(count)
         }
     }
 }

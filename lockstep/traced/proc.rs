@@ -86,6 +86,10 @@ pub(crate) fn files_of(pid: Tid) -> impl Iterator<Item = PathBuf> {
     entries.filter_map(|entry| entry.ok().map(|entry| entry.path()))
 }
 
+pub(crate) fn own_pid() -> Tid {
+    rustix::process::getpid().as_raw_nonzero().get()
+}
+
 /// The numbers of a process's descriptors.
 pub(crate) fn descriptors_of(pid: Tid) -> impl Iterator<Item = i32> {
     files_of(pid).filter_map(|path| path.file_name()?.to_str()?.parse().ok())

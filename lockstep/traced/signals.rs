@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 
 use crate::traced::memory::Memory;
+use crate::traced::poll_calls::write_left;
 use crate::traced::proc::Signals;
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::{Entry, Halt, Handling, counted};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::State;
-use crate::traced::wait::{PollResult, Resume, Wait};
+use crate::traced::wait::{Resume, Wait};
 
 const FAULT: u64 = 1 << (libc::SIGSEGV - 1);
 
@@ -67,7 +68,7 @@ impl Tracer<'_> {
             };
             let (set, mask) = match &block.wait {
                 Wait::Signal { set, mask } => (*set, *mask),
-                Wait::Poll { mask, .. } => (None, *mask),
+                Wait::Poll { times, .. } => (None, times.mask),
                 Wait::Vfork { .. } => continue,
                 _ => (None, None),
             };
@@ -93,6 +94,9 @@ impl Tracer<'_> {
             return Ok(());
         };
         let mut registers = block.registers;
+        if let Wait::Poll { times, .. } = &block.wait {
+            write_left(tid, *times, now);
+        }
         match block.wait {
             Wait::Sleep { rest } => {
                 let left = block.deadline.unwrap_or(now).saturating_sub(now);
@@ -103,9 +107,7 @@ impl Tracer<'_> {
                 }
                 registers.answer(tid, -i64::from(libc::EINTR))?;
             }
-            Wait::Poll {
-                mask: None, result, ..
-            } if !matches!(result, PollResult::Call { .. }) => {
+            Wait::Poll { times, .. } if times.mask.is_none() => {
                 registers.answer(tid, -i64::from(libc::EINTR))?;
             }
             Wait::Transfer(rest) if rest.done > 0 => registers.answer(tid, counted(rest.done))?,

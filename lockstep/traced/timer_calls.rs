@@ -152,6 +152,10 @@ impl Tracer<'_> {
         // Not a timer.
         let clock = info_of(process, fd, "clockid:").and_then(|clock| clock.parse().ok());
         let clock = clock.ok_or(Halt::Make)?;
+        // TFD_TIMER_ABSTIME and TFD_TIMER_CANCEL_ON_SET; the system refuses others.
+        if new.is_some_and(|(flags, _)| int(flags) & !3 != 0) {
+            return Ok(Handling::Make);
+        }
         let known = timer_mark(&descriptor.file);
         let known = known.filter(|mark| self.timers.find(has_mark(*mark)).is_some());
         let Some((flags, new)) = new else {
@@ -194,8 +198,8 @@ impl Tracer<'_> {
         &mut self,
         tid: Tid,
         descriptor: &Descriptor,
-        into: u64,
-    ) -> Result<Option<Handling>, Halt> {
+        into: &[(u64, u64)],
+    ) -> Result<Option<i64>, Halt> {
         let Some(mark) = timer_mark(&descriptor.file) else {
             return Ok(None);
         };
@@ -208,10 +212,10 @@ impl Tracer<'_> {
         if count == 0 {
             return Ok(None);
         }
-        Memory(tid).write(into, &count.to_ne_bytes())?;
+        Memory(tid).write_parts(into, &count.to_ne_bytes())?;
         found.kind = Kind::Descriptor { mark, fd, count: 0 };
         mark_timer(&descriptor.file, mark, false)?;
-        Ok(Some(Handling::Answer(8)))
+        Ok(Some(8))
     }
 
     /// When a setting of a timer, at this address, has it run out, and its interval.

@@ -8,19 +8,18 @@ use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 use crate::traced::arch::Syscall;
 use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
-use crate::traced::in_parts::parts;
+use crate::traced::in_parts::{NO_SPLICE_WAIT, parts};
 use crate::traced::memory::{Memory, whole_length};
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
 use crate::traced::tracer::Tracer;
-use crate::traced::wait::{PollResult, Wait};
+use crate::traced::wait::{Rest, Wait};
 
 /// Most random bytes of one syscall; the program asks for the rest again.
 const MOST_RANDOM: usize = 1 << 16;
 
-/// Flags by which a message, or a splice, is not to wait.
+/// The flag by which a message is not to wait.
 const NO_WAIT: u64 = libc::MSG_DONTWAIT.cast_unsigned() as u64;
-const NO_SPLICE_WAIT: u64 = libc::SPLICE_F_NONBLOCK as u64;
 
 impl Tracer<'_> {
     pub(crate) fn transfer_call(&mut self, mut entry: Entry) -> Result<Handling, Halt> {
@@ -62,26 +61,29 @@ impl Tracer<'_> {
         if matches!(call, Syscall::Pread | Syscall::Preadv) {
             return Ok(Handling::Make);
         }
-        if call == Syscall::Read
-            && descriptor.is_anonymous()
-            && a[2] >= 8
-            && let Some(action) = self.read_timer(tid, &descriptor, a[1])?
-        {
-            return Ok(action);
+        if matches!(call, Syscall::Read | Syscall::Readv) && descriptor.is_anonymous() {
+            let into = parts(entry)?;
+            // All of them have at least that to be read, and say so at once.
+            if whole_length(&into) < 8 {
+                return Ok(Handling::Make);
+            }
+            if let Some(result) = self.read_timer(tid, &descriptor, &into)? {
+                return Ok(Handling::Answer(result));
+            }
         }
-        if let (Some(fd), Some(source)) = (from, source)
+        if let Some(source) = source
             && !source.never_waits()
             && !source.is_ready(PollFlags::IN)
             && !source.is_nonblocking()
             && splice & NO_SPLICE_WAIT == 0
         {
-            let wait = self.wait_of(entry, (fd, PollFlags::IN), 0);
-            return Ok(Handling::Block(wait, None));
+            let rest = Rest::all(entry, &source, PollFlags::IN);
+            return Ok(Handling::Block(Wait::Transfer(rest), None));
         }
         if descriptor.never_waits() && !is_queue(call) {
             return Ok(Handling::Make);
         }
-        self.may_wait(entry, fd, &descriptor)
+        self.may_wait(entry, &descriptor)
     }
 
     /// A read of what the tracer itself says: what is random, and how many processors there are.
@@ -150,12 +152,7 @@ impl Tracer<'_> {
     }
 
     /// A read or write that may wait, of something that is no port.
-    fn may_wait(
-        &mut self,
-        entry: Entry,
-        fd: i32,
-        descriptor: &Rc<Descriptor>,
-    ) -> Result<Handling, Halt> {
+    fn may_wait(&mut self, entry: Entry, descriptor: &Rc<Descriptor>) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
         // What it waits for, the flags that the program has given, and the one by which it is not to wait.
         let (flags, given, no_wait) = match call {
@@ -178,10 +175,7 @@ impl Tracer<'_> {
             let _ = set_tcp_nodelay(&descriptor.file, true);
         }
         let at_once = given & no_wait != 0 || descriptor.is_nonblocking();
-        let is_ready =
-            descriptor.is_ready(flags) || flags == PollFlags::IN && self.has_signal(tid, fd);
-        // A wait that has begun before goes on to its own deadline.
-        let before = self.tree.thread(tid)?.again_until.take();
+        let is_ready = self.is_ready(tid, descriptor, flags);
         if at_once {
             let backs_off = if is_ready { None } else { self.query(entry) };
             return Ok(backs_off.unwrap_or(Handling::Make));
@@ -200,9 +194,8 @@ impl Tracer<'_> {
             let result = self.transfer_now(tid, descriptor, (entry.registers.number(), a))?;
             return Ok(Handling::Answer(result));
         }
-        let (mut late, mut deadline) = (-i64::from(libc::EAGAIN), None);
+        let mut deadline = None;
         if is_queue(call) && a[4] != 0 {
-            late = -i64::from(libc::ETIMEDOUT);
             deadline = self.deadline_at(tid, a[4], Some(libc::CLOCK_REALTIME))?;
         } else if descriptor.is_socket() {
             let which = match flags {
@@ -212,33 +205,24 @@ impl Tracer<'_> {
             let patience = socket_timeout(&descriptor.file, which).ok().flatten();
             deadline = patience.map(|span| self.now.saturating_add(nanoseconds(span)));
         }
-        let deadline = before.or(deadline);
-        if let Some(mut rest) = rest
-            && (is_ready || call == Syscall::Recvmmsg)
-        {
-            let result = match is_ready {
-                true => self.transfer(tid, &mut rest)?,
-                false => None,
-            };
-            return match result {
-                Some(result) => Ok(Handling::Answer(result)),
-                // The system has no memory for it now, whatever a poll says.
-                None if is_ready && rest.done == 0 && descriptor.takes_parts(u64::MAX) => {
-                    Err(Halt::Again)
-                }
-                None => Ok(Handling::Block(Wait::Transfer(rest), deadline)),
-            };
-        }
-        let wait = self.wait_of(entry, (fd, flags), late);
-        Ok(Handling::Block(wait, deadline))
-    }
-
-    /// A wait for one descriptor, after which the syscall is handled once more; what it returns at the deadline.
-    fn wait_of(&self, entry: Entry, one: (i32, PollFlags), late: i64) -> Wait {
-        Wait::Poll {
-            set: vec![self.awaited(entry.process, one)],
-            result: PollResult::Call { late },
-            mask: None,
+        let mut rest = match rest {
+            Some(rest) => rest,
+            None => Rest {
+                parts: parts(entry)?,
+                ..Rest::all(entry, descriptor, flags)
+            },
+        };
+        let result = match is_ready {
+            true => self.transfer(tid, &mut rest)?,
+            false => None,
+        };
+        match result {
+            Some(result) => Ok(Handling::Answer(result)),
+            // The system has no memory for it now, whatever a poll says.
+            None if is_ready && rest.done == 0 && descriptor.takes_parts(u64::MAX) => {
+                Err(Halt::Again)
+            }
+            None => Ok(Handling::Block(Wait::Transfer(rest), deadline)),
         }
     }
 }

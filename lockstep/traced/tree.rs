@@ -64,8 +64,6 @@ pub(crate) struct Thread {
     pub(crate) paid: u64,
     /// It has been interrupted because it computed for long.
     pub(crate) preempted: bool,
-    /// The deadline of a wait, while its syscall is handled once more.
-    pub(crate) again_until: Option<u64>,
     /// Number of the descriptor that its syscall is for, since another thread has closed the one it names.
     pub(crate) kept: Option<u64>,
 }
@@ -99,7 +97,6 @@ impl Thread {
             turn: 0,
             paid: 0,
             preempted: false,
-            again_until: None,
             kept: None,
         }
     }

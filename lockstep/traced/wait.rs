@@ -62,7 +62,7 @@ pub(crate) enum Wait {
     Poll {
         set: Vec<Awaited>,
         result: PollResult,
-        mask: Option<u64>,
+        times: Times,
     },
     PortRead {
         port: usize,
@@ -82,7 +82,7 @@ pub(crate) enum Wait {
         /// Value that the syscall returns when all have been sent.
         count: usize,
     },
-    /// The rest of what is written to a pipe or a socket, or read of it.
+    /// A read or write, or the rest of one, of what is no port.
     Transfer(Rest),
     /// Another thread that wakes those that wait there.
     Futex {
@@ -104,6 +104,16 @@ pub(crate) enum Wait {
     Forever,
 }
 
+/// Times and signals of a poll.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Times {
+    pub(crate) deadline: Option<u64>,
+    /// Signals that are blocked meanwhile in the place of others.
+    pub(crate) mask: Option<u64>,
+    /// Where the time that is left goes, if anywhere, and whether it has microseconds.
+    pub(crate) left: (u64, bool),
+}
+
 /// A descriptor that is waited for. It stays what it was when the wait began, whatever its number leads to.
 pub(crate) struct Awaited {
     pub(crate) fd: i32,
@@ -112,7 +122,7 @@ pub(crate) struct Awaited {
     pub(crate) file: Option<Rc<Descriptor>>,
 }
 
-/// A transfer of which a part has been made.
+/// A transfer, of which a part may have been made.
 #[derive(Clone)]
 pub(crate) struct Rest {
     pub(crate) of: Rc<Descriptor>,
@@ -150,17 +160,10 @@ pub(crate) struct Retried {
 pub(crate) enum PollResult {
     /// `revents` in these descriptions of descriptors, which lie there.
     Revents { address: u64, entries: Vec<u8> },
-    /// Three sets of so many bytes, and the time that is left, in microseconds or nanoseconds.
-    Sets {
-        sets: [u64; 3],
-        bytes: usize,
-        time: u64,
-        micros: bool,
-    },
-    /// The kernel writes it: events of an epoll.
-    Kernel,
-    /// It is no poll, but a syscall that is then handled once more. What that returns at the deadline.
-    Call { late: i64 },
+    /// Three sets of so many bytes.
+    Sets { sets: [u64; 3], bytes: usize },
+    /// So many events of an epoll at most, which go there.
+    Events { address: u64, most: usize },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

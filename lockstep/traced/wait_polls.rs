@@ -1,21 +1,17 @@
 //! Polls of waits: whether what they are for is there, or their time is over.
 
-use rustix::event::PollFlags;
-
 use crate::traced::clock::nanoseconds;
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Halt, counted};
 use crate::traced::terminal::room;
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::{State, Thread};
-use crate::traced::wait::{PollResult, Resume, Wait};
+use crate::traced::wait::{Resume, Wait};
 
 /// Result of a poll of a wait.
 enum Polled {
     /// It goes on.
     Waits,
-    /// The syscall is made as it is, or is handled once more, before another can take what it is for.
-    Make(Resume),
     Answer(i64),
     Resume(Resume),
 }
@@ -31,108 +27,57 @@ impl Tracer<'_> {
             .all(|one| polled_at(one).is_some_and(|at| at < happened));
         all.sort_by_key(|tid| self.tree.threads.get(tid).and_then(polled_at));
         for tid in all {
-            let (resumes, is_last) = self.poll_wait(tid, !any)?;
-            any |= resumes;
-            if is_last {
-                break;
-            }
+            any |= self.poll_wait(tid)?;
         }
         // A write that waits for more room has filled what there was.
         Ok(any || happened < self.schedule.happened)
     }
 
-    /// Polls a wait, while no other thread can resume or some can; returns whether this one can now, and
-    /// whether no other is to be polled before those that can have run.
-    fn poll_wait(&mut self, tid: Tid, is_first: bool) -> Result<(bool, bool), Halt> {
+    /// Polls a wait; returns whether its thread can resume.
+    fn poll_wait(&mut self, tid: Tid) -> Result<bool, Halt> {
         let happened = self.schedule.happened;
         let Some(block) = self.tree.block_of(tid) else {
-            return Ok((false, false));
+            return Ok(false);
         };
-        let before = std::mem::replace(&mut block.polled_at, happened);
+        block.polled_at = happened;
         let registers = block.registers;
         let (asked, ends) = (block.deadline, block.ends());
         // Taken out for the poll, and put back if it goes on.
         let mut wait = std::mem::replace(&mut block.wait, Wait::Forever);
         let is_over = ends.is_some_and(|at| at <= self.now);
         let deadline = self.new_deadline(&mut wait, asked);
-        let look = match self.polled(tid, &mut wait, (deadline, is_over)) {
-            Ok(Polled::Waits) if is_over && deadline == asked => self.late(tid, &wait),
-            look => look,
+        let polled = match self.polled(tid, &mut wait, is_over) {
+            Ok(Polled::Waits) if is_over && deadline == asked => self.late(tid, &mut wait),
+            polled => polled,
         };
-        let look = match look {
-            Err(Halt::Make) => Polled::Answer(-i64::from(libc::EFAULT)),
-            look => look?,
-        };
-        let is_made = matches!(look, Polled::Make(_));
-        let next = match look {
-            _ if is_made && !is_first => {
-                if let Some(block) = self.tree.block_of(tid) {
-                    (block.wait, block.polled_at) = (wait, before);
-                }
-                return Ok((false, true));
-            }
-            Polled::Waits => {
+        let next = match polled {
+            Ok(Polled::Waits) => {
                 if let Some(block) = self.tree.block_of(tid) {
                     (block.wait, block.deadline) = (wait, deadline);
                 }
-                return Ok((false, false));
+                return Ok(false);
             }
-            Polled::Make(resume) => {
-                if matches!(resume, Resume::Syscall { .. }) {
-                    // If it has to wait again, it does so until then.
-                    self.tree.thread(tid)?.again_until = deadline;
-                }
-                resume
-            }
-            Polled::Answer(result) => {
+            Ok(Polled::Resume(resume)) => resume,
+            Ok(Polled::Answer(result)) => {
                 registers.answer(tid, result)?;
                 Resume::Go(0)
             }
-            Polled::Resume(resume) => resume,
+            Err(Halt::Make) => {
+                registers.answer(tid, -i64::from(libc::EFAULT))?;
+                Resume::Go(0)
+            }
+            Err(halt) => return Err(halt),
         };
         self.tree.set_state(tid, State::Ready(next));
-        Ok((true, is_made))
+        Ok(true)
     }
 
     /// Returns whether what is waited for is there.
-    fn polled(
-        &mut self,
-        tid: Tid,
-        wait: &mut Wait,
-        (deadline, is_late): (Option<u64>, bool),
-    ) -> Result<Polled, Halt> {
+    fn polled(&mut self, tid: Tid, wait: &mut Wait, is_late: bool) -> Result<Polled, Halt> {
         Ok(match wait {
-            Wait::Poll { result, mask, .. } if self.is_asked(result, *mask) => {
-                let found = self.ask_epoll(tid)?;
-                found.map_or(Polled::Waits, Polled::Answer)
-            }
-            Wait::Poll { set, result, .. } => {
-                let mut found = self.found(tid, set, result);
-                if found.iter().all(PollFlags::is_empty) {
-                    return Ok(Polled::Waits);
-                }
-                let process = self.tree.process_of(tid);
-                let is_same = set.iter().all(|one| self.leads_there(process, one));
-                match result {
-                    // Another thread has closed it. The syscall, which goes by the number, would take what
-                    // is of another file.
-                    PollResult::Call { .. } | PollResult::Kernel if !is_same => {
-                        return Ok(Polled::Answer(-i64::from(libc::EBADF)));
-                    }
-                    PollResult::Call { .. } => {
-                        return Ok(Polled::Make(Resume::Syscall { backed_off: true }));
-                    }
-                    // A poll ends by what it began with, and tells what the numbers lead to then.
-                    _ if !is_same => {
-                        found = self.found_now(tid, set, result);
-                        if found.iter().all(PollFlags::is_empty) {
-                            return Ok(Polled::Waits);
-                        }
-                    }
-                    _ => {}
-                }
-                let answer = self.answer_poll(tid, set, &found, result, deadline)?;
-                answer.map_or(Polled::Make(Resume::Go(0)), Polled::Answer)
+            Wait::Poll { set, result, times } => {
+                let answer = self.poll_now(tid, set, result, (*times, false))?;
+                answer.map_or(Polled::Waits, Polled::Answer)
             }
             Wait::PortRead {
                 port,
@@ -148,7 +93,7 @@ impl Tracer<'_> {
                     Polled::Answer(self.receive(tid, *port, into)?)
                 }
                 // The system says that it is gone.
-                _ => Polled::Make(Resume::Go(0)),
+                _ => Polled::Resume(Resume::Go(0)),
             },
             Wait::PortWrite {
                 port,
@@ -169,10 +114,10 @@ impl Tracer<'_> {
                     }
                 }
                 // The system says why.
-                _ if *sent == 0 => Polled::Make(Resume::Go(0)),
+                _ if *sent == 0 => Polled::Resume(Resume::Go(0)),
                 _ => Polled::Answer(counted(*sent.min(count))),
             },
-            Wait::Transfer(rest) if !rest.of.is_ready(rest.flags) => Polled::Waits,
+            Wait::Transfer(rest) if !self.is_ready(tid, &rest.of, rest.flags) => Polled::Waits,
             Wait::Transfer(rest) => {
                 let before = rest.done;
                 let answer = self.transfer(tid, rest)?;
@@ -212,21 +157,12 @@ impl Tracer<'_> {
     }
 
     /// The time of a wait is over.
-    fn late(&mut self, tid: Tid, wait: &Wait) -> Result<Polled, Halt> {
+    fn late(&mut self, tid: Tid, wait: &mut Wait) -> Result<Polled, Halt> {
         Ok(match wait {
             Wait::BackOff(resume) => Polled::Resume(*resume),
             Wait::Sleep { .. } => Polled::Answer(0),
-            Wait::Poll {
-                result: PollResult::Call { late, .. },
-                ..
-            } => Polled::Answer(*late),
-            Wait::Poll { set, result, .. } => {
-                let process = self.tree.process_of(tid);
-                let found = match set.iter().all(|one| self.leads_there(process, one)) {
-                    true => vec![PollFlags::empty(); set.len()],
-                    false => self.found_now(tid, set, result),
-                };
-                let answer = self.answer_poll(tid, set, &found, result, None)?;
+            Wait::Poll { set, result, times } => {
+                let answer = self.poll_now(tid, set, result, (*times, true))?;
                 Polled::Answer(answer.unwrap_or(0))
             }
             Wait::Again(retried) => Polled::Answer(retried.late.into()),
@@ -236,7 +172,10 @@ impl Tracer<'_> {
             },
             Wait::Futex { .. } => Polled::Answer(-i64::from(libc::ETIMEDOUT)),
             Wait::Signal { .. } => Polled::Answer(-i64::from(libc::EAGAIN)),
-            Wait::Transfer(rest) if rest.done == 0 => Polled::Answer(-i64::from(libc::EAGAIN)),
+            Wait::Transfer(rest) if rest.done == 0 => Polled::Answer(match rest.whole.0 {
+                libc::SYS_mq_timedsend | libc::SYS_mq_timedreceive => -i64::from(libc::ETIMEDOUT),
+                _ => -i64::from(libc::EAGAIN),
+            }),
             Wait::Transfer(rest) => Polled::Answer(counted(rest.done)),
             Wait::PortWrite { .. } | Wait::Vfork { .. } | Wait::Forever => Polled::Waits,
         })

@@ -2,6 +2,7 @@
 
 use crate::ThreadWait;
 use crate::traced::arch::Registers;
+use crate::traced::descriptor::Descriptor;
 use crate::traced::proc::{mapping, name_of, syscall_of};
 use crate::traced::sys::{self, Tid};
 use crate::traced::syscall::call_name;
@@ -74,18 +75,20 @@ impl Tracer<'_> {
     }
 
     fn wait_text(&self, wait: &Wait) -> String {
-        let file = |one: &Awaited| {
-            let path = one.file.as_ref().and_then(|file| file.path());
-            path.map_or(format!("descriptor {}", one.fd), |path| {
-                match self.ports.iter().find(|port| port.leads_to(&path)) {
-                    Some(port) => port.path().display().to_string(),
-                    // Numbers of pipes and sockets differ from run to run.
-                    None => match path.split_once(":[") {
-                        Some((kind @ ("pipe" | "socket"), _)) => format!("a {kind}"),
-                        _ => path,
-                    },
-                }
+        let name = |file: &Descriptor| {
+            let path = file.path()?;
+            Some(match self.ports.iter().find(|port| port.leads_to(&path)) {
+                Some(port) => port.path().display().to_string(),
+                // Numbers of pipes and sockets differ from run to run.
+                None => match path.split_once(":[") {
+                    Some((kind @ ("pipe" | "socket"), _)) => format!("a {kind}"),
+                    _ => path,
+                },
             })
+        };
+        let file = |one: &Awaited| {
+            let name = one.file.as_deref().and_then(name);
+            name.unwrap_or_else(|| format!("descriptor {}", one.fd))
         };
         match wait {
             Wait::Sleep { .. } | Wait::BackOff(_) => "for time to pass".to_owned(),
@@ -98,9 +101,7 @@ impl Tracer<'_> {
                 None => "for bytes".to_owned(),
             },
             Wait::PortWrite { .. } => "for room on the line".to_owned(),
-            Wait::Transfer(rest) => {
-                format!("for the rest of {}", rest.of.path().unwrap_or_default())
-            }
+            Wait::Transfer(rest) => format!("for {}", name(&rest.of).unwrap_or_default()),
             Wait::Futex { .. } => "for another thread".to_owned(),
             Wait::Signal { .. } => "for a signal".to_owned(),
             Wait::Vfork { .. } => "for a child".to_owned(),
