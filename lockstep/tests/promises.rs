@@ -246,6 +246,39 @@ fn a_pipe_that_no_process_of_the_run_writes_is_outside() {
     assert_eq!(named, [text(&fifo)]);
 }
 
+/// No poll tells of the room at a receiver.
+#[test]
+fn a_receiver_outside_that_is_full_has_real_time() {
+    let Some(python3) = program("python3") else {
+        return;
+    };
+    let receiver = "import socket, sys, time; s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)\n\
+                    s.bind('\\0lockstep' + sys.argv[1]); print(flush=True); s.recv(9)\n\
+                    s.recv(9); time.sleep(1)\nwhile True: s.recv(9)";
+    let name = std::process::id().to_string();
+    let mut command = Command::new(python3);
+    command.args(["-c", receiver, &name]).stdout(Stdio::piped());
+    // The tracer reaps the children of its own thread.
+    let starting = std::thread::spawn(move || spawn(&mut command).expect("a receiver"));
+    let mut receiver = starting.join().expect("it has started");
+    let mut printed = std::io::BufReader::new(receiver.stdout.take().expect("a pipe"));
+    printed.read_line(&mut String::new()).expect("it is there");
+    let code = format!(
+        "import socket, threading; name = '\\0lockstep{name}'; new = lambda: socket.socket(socket.AF_UNIX, 2)\n\
+         inside = new(); inside.bind('\\0inside' + name[1:]); s = new(); s.setblocking(False); n = 0\n\
+         threading.Timer(50, lambda: new().sendto(b'in', '\\0inside' + name[1:])).start(); print(inside.recv(9))\n\
+         try:\n  while True: s.sendto(b'x', name); n += 1\n\
+         except BlockingIOError: print(n > 0)\n\
+         s.setblocking(True); [s.sendto(b'y', name) for _ in range(n)]; s.sendto(b'last', name); print('sent')"
+    );
+    let played = python(&code).expect("there is a Python");
+    receiver.kill().expect("it has got the last");
+    receiver.wait().expect("it has been killed");
+    assert_eq!(played.output, "b'in'\nTrue\nsent\n", "{:?}", played.ending);
+    let named: Vec<&String> = played.ending.outside.iter().collect();
+    assert_eq!(named, [&format!("a unix socket at @lockstep{name}")]);
+}
+
 #[test]
 fn what_cannot_be_is_refused_in_words() {
     let played = c_played(

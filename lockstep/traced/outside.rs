@@ -6,18 +6,18 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::net::AddressFamily;
+use rustix::net::{AddressFamily, SocketAddrUnix};
 
-use crate::traced::arch::Syscall;
+use crate::traced::arch::{self, Syscall};
 use crate::traced::descriptor::{Descriptor, Status};
 use crate::traced::memory::Memory;
 use crate::traced::proc::{
-    descriptors_of, files_of, info_of, kernel_state, members_of_epoll, name_of, syscall_of,
+    descriptors_of, files_of, info_of, kernel_state, name_of, own_pid, syscall_of,
 };
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, call_name, int, low};
 use crate::traced::tracer::Tracer;
-use crate::traced::wait::{Retried, Wait};
+use crate::traced::wait::{Rest, Retried, Wait};
 
 /// A descriptor that leads outside, and is waited for.
 pub(crate) struct Outside {
@@ -46,11 +46,16 @@ impl Tracer<'_> {
     /// Lists what is waited for that no process of the run can bring about.
     pub(crate) fn outside_waits(&self) -> Vec<Outside> {
         let mut all = Vec::new();
-        for thread in self.tree.threads.values() {
+        for (tid, thread) in &self.tree.threads {
             let set = match thread.block().map(|block| &block.wait) {
                 Some(Wait::Poll { set, .. }) => set,
                 Some(Wait::Transfer(rest)) => {
-                    all.extend(self.outside(&rest.of, rest.flags));
+                    all.extend(match rest.flags {
+                        PollFlags::OUT if rest.of.is_unix_datagram() => {
+                            self.outside_receiver(*tid, rest)
+                        }
+                        flags => self.outside(&rest.of, flags),
+                    });
                     continue;
                 }
                 Some(Wait::Again(retried)) => {
@@ -68,13 +73,48 @@ impl Tracer<'_> {
                     continue;
                 }
                 // One epoll in another is polled as one descriptor.
-                for (fd, flags) in members_of_epoll(thread.process, one.fd) {
+                for (fd, flags) in file.members() {
                     let member = self.descriptor(thread.process, fd);
                     all.extend(member.and_then(|member| self.outside(&member, flags)));
                 }
             }
         }
         all
+    }
+
+    /// The receiver of a datagram that has no room, if it is outside of the run. No poll tells of it.
+    fn outside_receiver(&self, tid: Tid, rest: &Rest) -> Option<Outside> {
+        let (number, a) = rest.whole;
+        let (address, length) = destination(tid, arch::call(number)?.1, a).ok()?;
+        if address == 0 {
+            return self.outside(&rest.of, rest.flags);
+        }
+        // Behind the family.
+        let mut bytes = vec![0; usize::try_from(length).ok()?.min(110).checked_sub(2)?];
+        Memory(tid).read(address + 2, &mut bytes).ok()?;
+        let name = match *bytes.first()? {
+            0 => bytes,
+            _ => bytes.split(|byte| *byte == 0).next()?.to_vec(),
+        };
+        Some(Outside {
+            descriptor: Rc::clone(&rest.of),
+            flags: PollFlags::empty(),
+            name: self.outside_unix(&name)?,
+        })
+    }
+
+    /// Returns the name of a Unix socket, of which the first byte is 0 if it is none of a file, unless the socket is
+    /// of the run, or is none.
+    fn outside_unix(&self, name: &[u8]) -> Option<String> {
+        let name = String::from_utf8_lossy(name).replace('\0', "@");
+        let table = std::fs::read_to_string("/proc/net/unix").ok()?;
+        let lines = table
+            .lines()
+            .filter(|line| line.ends_with(&format!(" {name}")));
+        let inodes = lines.filter_map(|line| line.split_whitespace().nth(6));
+        let inodes: Vec<&str> = inodes.collect();
+        let is_outside = !inodes.is_empty() && !self.holds_socket(&inodes);
+        is_outside.then(|| format!("a unix socket at {name}"))
     }
 
     /// The lock of a file that is tried again and again, while a program outside of the run has it.
@@ -179,15 +219,7 @@ impl Tracer<'_> {
         descriptor: &Descriptor,
     ) -> Result<(), Halt> {
         let Entry { tid, call, a, .. } = entry;
-        let memory = Memory(tid);
-        let (address, length) = match call {
-            Syscall::Sendto => (a[4], low(a[5])),
-            // Of several messages, the first.
-            Syscall::Sendmsg | Syscall::Sendmmsg if a[1] != 0 => {
-                (memory.read_u64(a[1])?, memory.read_u32(a[1] + 8)?)
-            }
-            _ => return Ok(()),
-        };
+        let (address, length) = destination(tid, call, a)?;
         if address == 0 || !descriptor.is_socket() {
             return Ok(());
         }
@@ -212,6 +244,16 @@ impl Tracer<'_> {
         let own = rustix::net::getsockname(file).ok()?;
         let family = own.address_family();
         if family == AddressFamily::UNIX {
+            // Who may send to a socket that is not connected is not known.
+            if descriptor.is_unix_datagram() {
+                let peer = rustix::net::getpeername(file).ok()??;
+                let peer = SocketAddrUnix::try_from(peer).ok()?;
+                let name = match peer.abstract_name() {
+                    Some(name) => [b"\0", name].concat(),
+                    None => peer.path()?.to_bytes().to_vec(),
+                };
+                return self.outside_unix(&name);
+            }
             let peer = rustix::net::sockopt::socket_peercred(file).ok()?;
             let pid = peer.pid.as_raw_nonzero().get();
             let is_ours = self.tree.processes.contains_key(&pid) || pid == own_pid();
@@ -264,18 +306,39 @@ impl Tracer<'_> {
                 // 0A is a socket that listens.
                 let is_peer = ends_in(2, peer.port()) == Some(true) || words.get(3) == Some(&"0A");
                 if is_peer && ends_in(1, address.port()) == Some(true) {
-                    inodes.extend(words.get(9).map(|inode| format!("socket:[{inode}]")));
+                    inodes.extend(words.get(9).map(|inode| (*inode).to_owned()));
                 }
             }
         }
+        self.holds_socket(&inodes)
+    }
+
+    /// Returns whether a process of the run, or this program, has one of these sockets.
+    fn holds_socket(&self, inodes: &[impl AsRef<str>]) -> bool {
+        let names = inodes
+            .iter()
+            .map(|inode| format!("socket:[{}]", inode.as_ref()));
+        let names: Vec<String> = names.collect();
         let mut processes = self.tree.processes.keys().copied().chain([own_pid()]);
         processes.any(|pid| {
             files_of(pid).any(|path| {
                 std::fs::read_link(path)
-                    .is_ok_and(|to| inodes.iter().any(|inode| to.as_os_str() == inode.as_str()))
+                    .is_ok_and(|to| names.iter().any(|name| to.as_os_str() == name.as_str()))
             })
         })
     }
+}
+
+/// Where the address lies to which a syscall sends, and its length; of several messages, of the first.
+fn destination(tid: Tid, call: Syscall, a: [u64; 6]) -> io::Result<(u64, u32)> {
+    let memory = Memory(tid);
+    Ok(match call {
+        Syscall::Sendto => (a[4], low(a[5])),
+        Syscall::Sendmsg | Syscall::Sendmmsg if a[1] != 0 => {
+            (memory.read_u64(a[1])?, memory.read_u32(a[1] + 8)?)
+        }
+        _ => (0, 0),
+    })
 }
 
 /// Reads an address of the internet.
@@ -310,8 +373,4 @@ pub(crate) fn kernel_wait(process: Tid, tid: Tid) -> String {
     let call = syscall_of(process, tid).map(|(number, _)| call_name(number));
     let place = call.unwrap_or_else(|| "its own memory".to_owned());
     format!("{} in {place}", name_of(tid))
-}
-
-fn own_pid() -> i32 {
-    rustix::process::getpid().as_raw_nonzero().get()
 }
