@@ -166,7 +166,7 @@ pub enum Reason {
         /// What it was doing.
         doing: String,
     },
-    /// Everything waited for nothing; for what.
+    /// Everything waited for nothing, and the world came to its end if it had one; for what.
     Deadlock(String),
     /// It was asked for.
     Stopped,

@@ -555,3 +555,28 @@ fn what_differs_between_two_runs_is_shown() {
     let (_, ended) = script(&["--twice"], &client, 1, "the second run differs");
     assert!(ended.out.contains("it ran 1 times"), "{}", ended.out);
 }
+
+/// Nothing of the scenario needs it any more.
+#[test]
+fn a_client_that_waits_for_itself_for_ever_fails() {
+    if python().is_none() {
+        return;
+    }
+    let code = "import os, threading; os.open(os.environ['SIM_R150_PORT'], os.O_RDWR | os.O_NOCTTY); \
+                lock = threading.Lock(); lock.acquire(); lock.acquire()";
+    let listens =
+        "import os; os.read(os.open(os.environ['SIM_R150_PORT'], os.O_RDWR | os.O_NOCTTY), 9)";
+    let fault = r#"{ kind = "bit-flips", probability = 0.5, direction = "to-client" }"#;
+    let trouble = harness::live::drive_with(fault, "3500 ms");
+    let folder = Folder::with(&[("drive.toml", DRIVE), ("trouble.toml", &trouble)]);
+    let waits = "the client waited for what never comes: python3 waited for another thread";
+    for (file, code, verdict, wanted) in [
+        ("trouble.toml", code, 1, waits),
+        ("drive.toml", code, 0, "passed"),
+        ("trouble.toml", listens, 0, "not applicable"),
+    ] {
+        let ended = run(&folder, &[file], &["python3", "-c", code]);
+        assert_eq!(ended.code(), Some(verdict), "{}{}", ended.out, ended.err);
+        assert!(ended.out.contains(wanted), "{}{}", ended.out, ended.err);
+    }
+}
