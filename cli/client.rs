@@ -79,6 +79,12 @@ impl Written {
         MOST_FILED
     }
 
+    /// Returns how many of so many bytes that the client has written are not there any more.
+    pub(crate) fn lost(&self, written: u64) -> u64 {
+        let length = self.file.metadata().map_or(0, |file| file.len());
+        written.saturating_sub(length + self.cut)
+    }
+
     /// All that is new was written at this time: while the client runs, its time stands still.
     pub(crate) fn date_output(&mut self, at: Option<SimTime>) {
         let length = self.cut();

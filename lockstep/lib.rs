@@ -188,6 +188,8 @@ pub struct Ending {
     pub missing: BTreeSet<String>,
     /// Names of processes that still ran when the program ended, and were ended with it.
     pub left: BTreeSet<String>,
+    /// Bytes that it has written to its output.
+    pub written: u64,
     /// Time at which it ended, in nanoseconds since it began.
     pub at: u64,
     /// Syscalls at which it was stopped.

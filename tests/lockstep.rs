@@ -580,3 +580,18 @@ fn a_client_that_waits_for_itself_for_ever_fails() {
         assert!(ended.out.contains(wanted), "{}{}", ended.out, ended.err);
     }
 }
+
+#[test]
+fn what_a_client_throws_away_of_its_output_is_counted() {
+    let writes = format!("{OPEN}echo first; echo second >/dev/stderr; sleep 1");
+    let lost = "output: 6 bytes of it are lost: the client has emptied the file";
+    script(&["--output", "out"], &writes, 0, lost);
+    script(&[], &writes, 0, lost);
+    let (_, ended) = script(
+        &[],
+        &format!("{OPEN}echo first; echo second >&2; sleep 1"),
+        0,
+        "",
+    );
+    assert!(!ended.out.contains("lost"), "{}", ended.out);
+}

@@ -372,6 +372,8 @@ pub(crate) struct PlayedClient {
     pub(crate) missing: Vec<String>,
     /// Processes that ran when it ended, and were ended with it.
     pub(crate) left: Vec<String>,
+    /// Bytes that it has written and that are not in the file of its output.
+    pub(crate) lost: u64,
 }
 
 impl CaseResult {

@@ -202,6 +202,7 @@ impl LivePlay<'_> {
             refused: Vec::new(),
             missing: Vec::new(),
             left: Vec::new(),
+            lost: 0,
         };
         Ok((ended, client))
     }

@@ -96,6 +96,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         refused: ending.refused.into_iter().collect(),
         missing: ending.missing.into_iter().collect(),
         left: ending.left.into_iter().collect(),
+        lost: world.written.lost(ending.written),
     };
     // The machine has no part in it.
     let playing = world.playing;

@@ -113,6 +113,16 @@ impl<'a> View<'a> {
             let left = left
                 .map(|names| format!("{names} still ran when the client ended, and ended with it"));
             view.add_notes("left behind", left);
+            let lost = Some(client.lost).filter(|lost| *lost > 0);
+            view.add_notes(
+                "output",
+                lost.into_iter().map(|lost| {
+                    format!(
+                        "{lost} bytes of it are lost: the client has emptied the file, as \
+                         `> /dev/stderr` does and `>&2` does not, or the disk is full"
+                    )
+                }),
+            );
         }
         for device in &outcome.devices {
             let name = &device.name;

@@ -258,7 +258,7 @@ fn a_receiver_outside_that_is_full_has_real_time() {
     let name = std::process::id().to_string();
     let mut command = Command::new(python3);
     command.args(["-c", receiver, &name]).stdout(Stdio::piped());
-    // The tracer reaps the children of its own thread.
+    // The tracer reaps the children of that thread.
     let starting = std::thread::spawn(move || spawn(&mut command).expect("a receiver"));
     let mut receiver = starting.join().expect("it has started");
     let mut printed = std::io::BufReader::new(receiver.stdout.take().expect("a pipe"));

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
+use std::fs::File;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -10,6 +11,7 @@ use rand_pcg::rand_core::{Rng as _, SeedableRng as _};
 
 use crate::port::Port;
 use crate::traced::clock::Clocks;
+use crate::traced::descriptor::Status;
 use crate::traced::limits::Limits;
 use crate::traced::one_processor::Lists;
 use crate::traced::passage::Passage;
@@ -48,6 +50,8 @@ pub(crate) struct Descriptors {
     /// Way in which programs pass descriptors, where the system refuses to duplicate them.
     pub(crate) passage: Option<Rc<Passage>>,
     pub(crate) has_signalfd: bool,
+    /// File of the program's output, by device and inode.
+    pub(crate) output: Option<(u64, u64)>,
     pub(crate) lists: Lists,
 }
 
@@ -96,7 +100,7 @@ pub fn run(
         error,
     })?;
     let mut starting = spawn::start(&program, options.seed.is_some())?;
-    let mut tracer = Tracer::new(options, ports, world, &starting)?;
+    let mut tracer = Tracer::new(options, ports, world, &starting, &program.output)?;
     let counter = Counter::of_tracer();
     let outcome = tracer.go_to_the_end();
     tracer.kill_all();
@@ -114,6 +118,7 @@ impl<'a> Tracer<'a> {
         ports: &'a mut [Port],
         world: &'a mut dyn World,
         starting: &Starting,
+        output: &File,
     ) -> Result<Self, Error> {
         let passage = Passage::if_needed().map_err(|error| Error::System {
             what: "cannot make a socket for the program's descriptors",
@@ -140,6 +145,7 @@ impl<'a> Tracer<'a> {
                 ports_used: Cell::new(true),
                 passage,
                 has_signalfd: false,
+                output: Status::of(output, "").map(|status| status.inode),
                 lists: Lists::new(),
             },
             now: 0,
@@ -159,6 +165,7 @@ impl<'a> Tracer<'a> {
                 refused: BTreeSet::new(),
                 missing: BTreeSet::new(),
                 left: BTreeSet::new(),
+                written: 0,
                 at: 0,
                 calls: 0,
                 random_addresses: false,

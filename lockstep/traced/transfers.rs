@@ -81,6 +81,10 @@ impl Tracer<'_> {
             return Ok(Handling::Block(Wait::Transfer(rest), None));
         }
         if descriptor.never_waits() && !is_queue(call) {
+            let is_write = matches!(call, Syscall::Write | Syscall::Writev);
+            if is_write && self.descriptors.output == Some(descriptor.inode()) {
+                self.report.written += whole_length(&parts(entry)?);
+            }
             return Ok(Handling::Make);
         }
         self.may_wait(entry, &descriptor)
