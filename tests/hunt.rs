@@ -277,6 +277,38 @@ fn a_hunt_that_was_aborted_goes_on_unless_the_client_has_changed() {
 }
 
 #[test]
+fn what_was_seen_once_is_no_finding() {
+    // When the port is gone it crashes once, and never again.
+    const END: &str = r"
+def end():
+    if os.path.exists('once'):
+        raise SystemExit(0)
+    open('once', 'w')
+    os.abort()
+
+port = ";
+    let folder = folder();
+    let client = ABORTING.replace("time, ends", "time");
+    let client = client.replace("ends.end", "end");
+    write(&folder, "client.py", &client.replace("port = ", END));
+    let faults = ["--faults", "cable-pulled", "--stages", "single"];
+    let more = ["--runs", "8", "--fail-fast", "-j", "1", "--output", "out"];
+    let ended = hunt(&folder, &[&faults[..], &more].concat());
+    assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    for part in ["seen once, not repeatable: the client ", "nothing found"] {
+        assert!(ended.out.contains(part), "{part}\n{}", ended.out);
+    }
+    // It is no reason to end the search.
+    let text = folder.read("out/hunt.json");
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let job = &report["jobs"][0];
+    assert!(
+        job["runs"].as_u64() > job["findings"][0]["run"].as_u64(),
+        "{text}"
+    );
+}
+
+#[test]
 fn files_of_others_stay() {
     let folder = folder();
     let hunt = |more: &[&str]| {
