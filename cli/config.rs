@@ -78,7 +78,12 @@ fn no_text() -> io::Error {
 
 /// Lists what differs from the defaults, as `key = value`.
 pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
-    let entries = settings.entries().into_iter();
+    changed_of(settings.entries())
+}
+
+/// Lists which of these differ from the defaults.
+pub(crate) fn changed_of(entries: impl IntoIterator<Item = Entry>) -> Vec<String> {
+    let entries = entries.into_iter();
     let changed = entries.filter(|entry| entry.value != entry.default);
     changed
         .map(|entry| format!("{} = {}", entry.key, entry.value))

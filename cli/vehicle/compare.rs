@@ -61,7 +61,7 @@ pub(crate) fn fit(devices: Devices, args: &FitArgs) -> Result<Exit, Failure> {
     let recordings = read(devices, &args.traces, &args.poses, &args.settings)?;
     let (search, findings) = search(devices, &recordings, &args.settings, &args.only)?;
     let report = Report::of(&search, &findings);
-    output.write(&report.toml())?;
+    output.write(&report.toml(&config::load_file(devices, &args.settings)?))?;
     print(&match args.json {
         true => serde_json::to_string_pretty(&report).map_err(Failure::system)?,
         false => report.fit_text(),

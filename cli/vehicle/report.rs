@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use rigsim_core::SimTime;
 use rigsim_core::event::Hex;
 use rigsim_core::settings::SimSettings;
-use rigsim_settings::Basis;
+use rigsim_settings::{Basis, Settings as _};
 use serde::Serialize;
 
 use super::recording::{Reply, Slot, middle};
@@ -34,6 +34,8 @@ pub(super) struct Report {
     /// Replies that no setting explains.
     pub(super) unexplained: Vec<String>,
     pub(super) held_out: HeldOut,
+    #[serde(skip)]
+    base: SimSettings,
     #[serde(skip)]
     written: SimSettings,
 }
@@ -122,6 +124,7 @@ impl Report {
                 before: findings.held_out[0],
                 fitted: findings.held_out[1],
             },
+            base: search.base.clone(),
             written: findings.written.clone(),
         }
     }
@@ -277,7 +280,17 @@ impl Report {
         )
     }
 
-    pub(super) fn toml(&self) -> String {
+    /// The file of settings: what `file` has, and what was found. A single setting that was given for the
+    /// recording, such as a raised vehicle, is none of the vehicle's.
+    pub(super) fn toml(&self, file: &SimSettings) -> String {
+        let [given, before, after] = [file, &self.base, &self.written].map(SimSettings::entries);
+        let all = given.into_iter().zip(before).zip(after);
+        let entries = all.map(
+            |((given, before), after)| match before.value == after.value {
+                true => given,
+                false => after,
+            },
+        );
         let mut text = format!("{MARK}\n# {}.\n", self.held_out.words());
         let found = self.settings.iter().filter(|row| row.found.is_some());
         let (written, others): (Vec<_>, Vec<_>) = found.partition(|row| row.written);
@@ -285,7 +298,7 @@ impl Report {
             let (key, shown, value, why) = (&row.key, row.shown(), &row.value, &row.why);
             format!("# {key}: {shown} instead of {value}; {why}\n")
         };
-        for line in config::changed(&self.written) {
+        for line in config::changed_of(entries) {
             // A version has a reason for each of its parts.
             let own = written.iter().filter(|row| {
                 let key = row.key.split('[').next().unwrap_or_default();

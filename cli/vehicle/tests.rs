@@ -201,7 +201,7 @@ fn what_has_no_end_is_no_value_that_is_written() {
         assert!((3.0..3.5).contains(low) || !is_closed, "{truth}: {low}");
         assert!(high.is_none_or(|high| high > 3.5), "{truth}: {claims:?}");
         let report = Report::of(&search, &findings);
-        let (text, toml) = (report.text(), report.toml());
+        let (text, toml) = (report.text(), report.toml(&with(&[])));
         assert_eq!(toml.contains("\nr150."), is_closed, "{toml}");
         let words = format!("more than {}", format!("{low:.2e}").parse::<f64>().unwrap());
         let is_said = text.contains(&words) && toml.contains(&words);
@@ -224,14 +224,15 @@ fn a_time_far_from_the_documented_one_is_found() {
 }
 
 #[test]
-fn the_file_keeps_what_was_set_before_and_the_decided_parts_of_a_version() {
+fn the_file_keeps_what_its_file_had_and_the_decided_parts_of_a_version() {
     let changes = ["r150.hardware_version=\"40.0.0.0\"".to_owned()];
     let recordings = [drive(&["questions"], &with(&changes), 77)];
     let only = ["r150.hardware_version".to_owned()];
-    let before = with(&["r150.on_bad_crc=false".to_owned()]);
-    let search = Search::new(&recordings, before, &only);
+    let before = ["r150.on_bad_crc=false", "world.friction=0"].map(str::to_owned);
+    let search = Search::new(&recordings, with(&before), &only);
     let report = Report::of(&search, &search.run().unwrap());
-    let toml = report.toml();
+    let toml = report.toml(&with(&before[..1]));
+    assert!(!toml.contains("friction"), "{toml}");
     for line in [
         "r150.on_bad_crc = \"false\"",
         "r150.hardware_version = \"40.0.0.0\"",
