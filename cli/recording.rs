@@ -57,6 +57,17 @@ pub(crate) struct TraceFile {
 }
 
 impl TraceFile {
+    /// Begins one where no recording is yet: a drive is not recorded twice.
+    pub(crate) fn begin(path: PathBuf, header: Header) -> Result<Self, Failure> {
+        if std::fs::metadata(&path).is_ok_and(|about| about.is_file() && about.len() > 0) {
+            let why = "is there already, and is left alone; name another --trace or remove it";
+            return Err(Failure::usage(anyhow!("{} {why}", visible::name(&path))));
+        }
+        let mut trace = Self::create(path).map_err(Failure::usage)?;
+        trace.record(&Record::Header(Box::new(header)));
+        trace.flush().map(|()| trace)
+    }
+
     /// Replaces a trace that is there, and nothing else.
     pub(crate) fn create(path: PathBuf) -> anyhow::Result<Self> {
         let file = Results::at(&path, MARKS)
@@ -86,12 +97,21 @@ impl TraceFile {
         }
     }
 
-    /// Writes out what there is so far. Returns whether all could be written.
-    pub(crate) fn flush(&mut self) -> bool {
+    /// Writes out what there is so far.
+    ///
+    /// # Errors
+    /// When not all could be written, now or before.
+    pub(crate) fn flush(&mut self) -> Result<(), Failure> {
         if let Err(error) = self.out.flush() {
             self.error.get_or_insert(error);
         }
-        self.error.is_none()
+        let shown = visible::name(&self.path);
+        match &self.error {
+            None => Ok(()),
+            Some(error) => Err(Failure::system(anyhow!(
+                "cannot write the trace {shown}; it is not complete: {error}"
+            ))),
+        }
     }
 
     /// Adds what a run has to tell.
@@ -103,12 +123,7 @@ impl TraceFile {
 
     /// Makes sure that all has been written. Returns a digest of it, in hexadecimal digits.
     pub(crate) fn finish(mut self) -> Result<String, Failure> {
-        let flushed = self.out.flush();
-        let shown = visible::name(&self.path);
-        self.error
-            .map_or(flushed, Err)
-            .with_context(|| format!("cannot write the trace {shown}; it is not complete"))
-            .map_err(Failure::system)?;
+        self.flush()?;
         Ok(format!("{:032x}", self.digest.finish128().as_u128()))
     }
 }

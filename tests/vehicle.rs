@@ -266,6 +266,13 @@ fn the_line_is_set_as_the_client_sets_it_and_traffic_is_put_into_words() {
     tap.wait_line(&["<-", "0x07 heartbeat success true", "| AA 55 01 07 01"]);
     drop(client);
     tap.stop().expect_clean();
+    let recorded_before = recorded(&dir, "in");
+    let paths = ["vehicle", "client", "drive.jsonl"].map(|name| dir.path().join(name));
+    let [at, place, trace] = paths.each_ref().map(|path| path.to_str().unwrap());
+    let again = |trace| run(&["tap", at, "--pty", place, "--trace", trace]);
+    again(trace).expect_refusal(2, &["drive.jsonl is there already"]);
+    again("/dev/full").expect_refusal(3, &["/dev/full", "No space left"]);
+    assert_eq!(recorded(&dir, "in"), recorded_before);
     vehicle.stop().expect_clean();
     let lines = records(&dir.path().join("drive.jsonl"));
     let bauds = lines.iter().filter(|record| record["kind"] == "line");

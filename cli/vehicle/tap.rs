@@ -117,14 +117,15 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
     let log = Log::start(options, Words::new(&plan))
         .context("cannot start the thread that prints")
         .map_err(Failure::system)?;
-    let mut trace = TraceFile::create(args.trace.clone()).map_err(Failure::usage)?;
-    trace.record(&Record::Header(Box::new(header(&plan))));
+    let first = header(&plan);
     let ports: Vec<String> = links.iter().map(Link::client_path).collect();
     let paths = ports.iter().map(PathBuf::from).collect();
     let live = args
         .control
         .map(|listen| Live::start(listen, plan, paths, &log));
     let live = live.transpose()?;
+    // Last, so that nothing is left of a start that failed.
+    let trace = TraceFile::begin(args.trace.clone(), first)?;
     log.text(match args.log_format {
         LogFormat::Text => format!("  between {} and the vehicle\nready", ports.join(", ")),
         LogFormat::Json => visible::json(&json!({"code": "ready", "ports": ports})),
@@ -171,8 +172,10 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
         }
         if flushed.elapsed() > FLUSH {
             // The vehicle may be moving: bytes pass on all the same, and the end says why.
-            if !out.trace.flush() && std::mem::take(&mut is_kept) {
-                complain("the trace cannot be written any more: what passes now is not recorded");
+            if let Err(why) = out.trace.flush()
+                && std::mem::take(&mut is_kept)
+            {
+                complain(&format!("{}; what passes now is not recorded", why.error));
             }
             flushed = Instant::now();
         }
