@@ -546,6 +546,17 @@ fn what_differs_is_found_and_explains_the_vehicle() {
     std::fs::write(folder.file("wrong.jsonl"), whole.replacen("\n", "\n{\n", 2)).unwrap();
     let refused = folder.sim(&["compare", "wrong.jsonl"]);
     refused.expect_refusal(2, &["wrong.jsonl", "line 2"]);
+    // Of a recording machine that stalls all the time, nothing is left to judge by.
+    let real = whole.lines().filter(|line| !line.contains("lockstep"));
+    let mut stalls = real.collect::<Vec<_>>().join("\n");
+    for second in 1..60 {
+        let t = second * 1_000_000_000_u64;
+        stalls += &format!("\n{{\"kind\":\"late\",\"t\":{t},\"by\":1000000000,\"stood\":0}}");
+    }
+    std::fs::write(folder.file("stalls.jsonl"), stalls).unwrap();
+    let little = folder.sim(&["compare", "stalls.jsonl", "--only", "r150.over_rate"]);
+    assert_eq!(little.code(), Some(3), "{}{}", little.out, little.err);
+    assert!(little.out.contains("too little is left for a verdict"));
     // Its file is no recording, and the page replaces nothing else.
     let refused = folder.sim(&["compare", "drive.toml"]);
     refused.expect_refusal(2, &["drive.toml", "no trace"]);

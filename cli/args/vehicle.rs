@@ -84,7 +84,8 @@ Exit codes:
   0  nothing documented is contradicted
   1  something documented is, or a difference that no setting explains
   2  usage or configuration: a flag or a file is wrong
-  3  the system refused something, such as writing the page";
+  3  too little is left for a verdict, since the recording machine stalled; or the system refused
+     something, such as writing the page";
 
 /// Poses beside recordings.
 #[derive(Debug, Args)]

@@ -8,7 +8,7 @@ use rigsim_settings::parse_quantity;
 
 use super::recording::Recording;
 use super::report::{MARK, Report};
-use super::search::{Findings, Search};
+use super::search::{ENOUGH, Findings, Search};
 use super::{page, plan, poses};
 use crate::args::{CompareArgs, FitArgs, PosesArgs, SettingsArgs};
 use crate::config;
@@ -43,6 +43,7 @@ pub(crate) fn compare(devices: Devices, args: &CompareArgs) -> Result<Exit, Fail
         false => report.text(),
     })?;
     Ok(match report.is_as_documented {
+        _ if report.used < ENOUGH => Exit::System,
         true => Exit::Clean,
         false => Exit::Failed,
     })

@@ -200,8 +200,8 @@ impl Report {
         let left_out = (1.0 - self.used) * 100.0;
         match self.used < ENOUGH {
             true => format!(
-                "WARNING: {left_out:.0} % was left out, since the recording machine stalled. The rest contradicts \
-                 nothing documented. Record again on a machine that does nothing else.\n\n"
+                "WARNING: {left_out:.0} % was left out, since the recording machine stalled: too little is left for \
+                 a verdict. Record again on a machine that does nothing else.\n\n"
             ),
             false => String::new(),
         }
