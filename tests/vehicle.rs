@@ -367,6 +367,20 @@ fn a_capture_made_elsewhere_becomes_a_recording() {
         (recorded(&dir, "in"), recorded(&dir, "out")),
         (vec![0xAA, 0x55], vec![1, 2])
     );
+    // What cannot be read is not as documented, and no setting explains it.
+    std::fs::write(csv, "5.0,client,AA550007C784\n5.25,vehicle,0102\n").unwrap();
+    run(&["tap", "--csv", csv, "--trace", trace]);
+    let compare = run(&["compare", trace, "--only", "r150.over_rate"]);
+    assert_eq!(compare.code(), Some(1), "{}{}", compare.out, compare.err);
+    assert!(
+        compare
+            .out
+            .contains("nothing that the vehicle sent can be read")
+    );
+    let toml = dir.path().join("vehicle.toml");
+    let fit = ["fit", trace, "--only", "r150.over_rate", "--output"];
+    let fit = run(&[&fit[..], &[toml.to_str().unwrap()]].concat()).expect_clean();
+    assert!(fit.out.ends_with("(no setting explains what differs)\n"));
     std::fs::write(csv, "5.0,client,AA 5").unwrap();
     run(&["tap", "--csv", csv, "--trace", trace])
         .expect_refusal(2, &["capture.csv", "line 1", "hexadecimal"]);

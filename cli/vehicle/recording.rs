@@ -44,6 +44,8 @@ pub(super) struct Recording {
     pub(super) seen: Seen,
     /// Set if it was recorded in real time, where a machine may stall.
     pub(super) is_real: bool,
+    /// Set if anything that the vehicle sent can be read.
+    pub(super) is_understood: bool,
     /// Set if poses are beside it: what was added to their times, s.
     pub(super) offset: Option<f64>,
     /// When the recording machine stalled, ns.
@@ -230,6 +232,7 @@ impl Recording {
             devices,
             device,
             is_real: !records.iter().any(in_lockstep),
+            is_understood: false,
             header,
             acts: Vec::new(),
             slots: Vec::new(),
@@ -275,6 +278,8 @@ impl Recording {
         recording.end = SimTime::from_nanos(last + PATIENCE);
         let asked = recording.frames(&client, Sender::Client, settings);
         let answers = recording.frames(&vehicle, Sender::Device, settings);
+        let is_known = |one: &Timed| one.frame.message.is_some() || one.frame.command.is_some();
+        recording.is_understood = answers.iter().any(is_known);
         let slots = if device.host.chatters {
             &answers
         } else {

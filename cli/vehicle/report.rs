@@ -19,6 +19,10 @@ pub(super) const MARK: &str = "# Settings by which the model does what was recor
 /// Times by which one series is moved against the other to find how far it lags, ms.
 const LAGS: std::ops::RangeInclusive<i32> = -50..=50;
 const LAG_STEP: f64 = 10.0;
+/// What no setting explains, if no reply can be read.
+const NOT_UNDERSTOOD: &str =
+    "nothing that the vehicle sent can be read: was it on, and was the speed of the line right?";
+
 /// All that is said of recordings.
 #[derive(Serialize)]
 pub(super) struct Report {
@@ -99,7 +103,10 @@ pub(super) struct SettingRow {
 impl Report {
     pub(super) fn of(search: &Search<'_>, findings: &Findings) -> Self {
         let slots = || all(search).map(|(_, slot, _)| slot);
-        let unexplained = search.unexplained(&findings.model);
+        let mut unexplained = search.unexplained(&findings.model);
+        if search.recordings.iter().any(|one| !one.is_understood) {
+            unexplained.insert(0, NOT_UNDERSTOOD.to_owned());
+        }
         let settings: Vec<SettingRow> = (0..search.knobs.len())
             .map(|at| setting(search, findings, at))
             .collect();
@@ -269,6 +276,7 @@ impl Report {
     pub(super) fn fit_text(&self) -> String {
         let mut found = self.settings.iter().filter(|row| row.found.is_some());
         let result = match (found.clone().next(), found.any(|row| row.written)) {
+            (None, _) if !self.unexplained.is_empty() => "no setting explains what differs",
             (None, _) => "nothing to change",
             (_, true) => "better",
             (_, false) => "NOT better: nothing is written but as a comment",
