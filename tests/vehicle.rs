@@ -557,6 +557,17 @@ fn what_differs_is_found_and_explains_the_vehicle() {
     std::fs::write(folder.file("torn.jsonl"), &whole[..whole.len() - 20]).unwrap();
     let torn = folder.sim(&["compare", "torn.jsonl", "--only", "r150.over_rate"]);
     torn.expect_refusal(0, &["torn.jsonl", "the last one, is torn"]);
+    std::fs::write(
+        folder.file("torn.jsonl"),
+        whole.clone() + &"\0".repeat(4096),
+    )
+    .unwrap();
+    let torn = folder.sim(&["compare", "torn.jsonl", "--only", "r150.over_rate"]);
+    torn.expect_refusal(0, &["torn.jsonl", "the last one, is torn"]);
+    let first = whole.lines().next().unwrap();
+    std::fs::write(folder.file("none.jsonl"), first).unwrap();
+    let none = folder.sim(&["compare", "none.jsonl"]);
+    none.expect_refusal(2, &["0 bytes from the client, 0 from the vehicle"]);
     std::fs::write(folder.file("wrong.jsonl"), whole.replacen("\n", "\n{\n", 2)).unwrap();
     let refused = folder.sim(&["compare", "wrong.jsonl"]);
     refused.expect_refusal(2, &["wrong.jsonl", "line 2"]);

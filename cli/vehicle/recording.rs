@@ -190,7 +190,8 @@ impl Recording {
         let mut lines = Lines::open(path)?;
         let mut records: Vec<Record> = Vec::new();
         while let Some(line) = lines.next()? {
-            match serde_json::from_str(line) {
+            // Zeros are what a power cut leaves of the last lines.
+            match serde_json::from_str(line.trim_end_matches('\0')) {
                 Ok(record) => records.push(record),
                 // What was torn off while it was recorded.
                 Err(error) if error.is_eof() && lines.next()?.is_none() => {
@@ -287,7 +288,11 @@ impl Recording {
         };
         recording.slots = slots.iter().map(|timed| slot(timed, device)).collect();
         if recording.slots.is_empty() {
-            return Err("nothing is in it that could be compared".to_owned());
+            let [by_client, by_vehicle] =
+                [&client, &vehicle].map(|sent| sent.values().flatten().count());
+            return Err(format!(
+                "nothing is in it that could be compared: {by_client} bytes from the client, {by_vehicle} from the vehicle"
+            ));
         }
         recording.hold_out();
         recording.seen = recording.align(answers);
