@@ -472,8 +472,27 @@ impl Recording {
         seen
     }
 
-    /// Notes when a reply came later than the line can explain.
+    /// Notes when a reply came later than the line can explain; of a device that sends by itself, when
+    /// what comes most often did.
     fn find_stalls(&mut self) {
+        if self.device.host.chatters {
+            let mut times: std::collections::BTreeMap<_, Vec<u64>> = Default::default();
+            for slot in &self.slots {
+                times.entry(&slot.text).or_default().push(slot.at);
+            }
+            let often = times.into_values().max_by_key(Vec::len).unwrap_or_default();
+            let waits = often.windows(2).map(|two| (two[1] - two[0]) as f64 / 1e6);
+            let (usual, spread) = middle(&waits.clone().collect::<Vec<_>>());
+            let late = |wait: f64| (wait - usual) * 1e6;
+            // A longer silence is the vehicle's.
+            let is_late = (LATE as f64 + 10e6 * spread)..PATIENCE as f64;
+            let stalls = often
+                .windows(2)
+                .zip(waits)
+                .filter(|(_, wait)| is_late.contains(&late(*wait)));
+            self.stalls.extend(stalls.map(|(two, _)| (two[0], two[1])));
+            return;
+        }
         let mut waits: std::collections::BTreeMap<_, Vec<f64>> = Default::default();
         for reply in self.seen.iter().flatten() {
             waits.entry(reply.form).or_default().push(reply.values[0]);
