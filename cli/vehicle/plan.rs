@@ -183,6 +183,6 @@ pub(super) fn touching(device: &DeviceSpec, key: &str) -> String {
             "the manoeuvre \"{}\" of `sim fit --plan` touches it",
             one.name
         ),
-        None => "no drive that only the line records touches it".to_owned(),
+        None => "no manoeuvre of `sim fit --plan` touches it".to_owned(),
     }
 }

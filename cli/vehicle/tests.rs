@@ -393,6 +393,10 @@ fn every_manoeuvre_of_every_plan_can_be_read_and_names_settings() {
                 .iter()
                 .any(|known| *known == key || known.starts_with(&group));
             assert!(is_known, "{key}");
+            let is_shown = !["noise", "adapter", "boot_time"]
+                .iter()
+                .any(|part| key.contains(part));
+            assert!(is_shown, "no recording tells {key}");
         }
         let times = all
             .iter()
