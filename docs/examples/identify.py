@@ -12,6 +12,7 @@ first, raise the vehicle, and have the emergency stop in your hand. Ctrl-C stops
 import argparse
 import json
 import os
+import signal
 import subprocess
 import time
 
@@ -49,7 +50,8 @@ DEVICES = {
 
 
 def stop(ports, frame):
-    """Asks for standstill, many times."""
+    """Asks for standstill, many times; another Ctrl-C does not end that."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     for _ in range(20):
         ports[0].write(frame)
         time.sleep(0.06)
@@ -72,9 +74,16 @@ def main():
             plan = json.load(file)
     else:
         command = ["sim", "fit", "--plan", "--json", "--device", args.device]
-        plan = json.loads(subprocess.check_output(command))
+        try:
+            plan = json.loads(subprocess.check_output(command))
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise SystemExit(f"no plan: {error}; put `sim` on the path, or give --plan") from None
     speeds, standstill = DEVICES[args.device]
     able = [one for one in plan if all(frame["link"] < len(args.port) for frame in one["frames"])]
+    chosen = [one for one in able if args.only in one["name"]]
+    if not chosen:
+        names = "; ".join(one["name"] for one in able)
+        parser.error(f"--only: with {len(args.port)} port(s) there are these manoeuvres: {names}")
     try:
         ports = [
             serial.Serial(path, speed, timeout=0, write_timeout=1)
@@ -83,17 +92,22 @@ def main():
     except serial.SerialException as error:
         raise SystemExit(error) from None
     try:
-        for manoeuvre in (one for one in able if args.only in one["name"]):
+        for manoeuvre in chosen:
             seconds = sum(frame["wait_ms"] for frame in manoeuvre["frames"]) / 1e3
             print(f"{manoeuvre['name']}, {seconds:.0f} s. {manoeuvre['care']}", flush=True)
             if not args.yes:
                 input("  Enter begins it, Ctrl-C ends the drive: ")
             if not perform(ports, manoeuvre):
                 raise SystemExit("the vehicle does not answer: is it on, and is the cable in?")
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, EOFError):
         print("stopped")
+    except serial.SerialException as error:
+        raise SystemExit(f"the port has failed: {error}") from None
     finally:
-        stop(ports, standstill)
+        try:
+            stop(ports, standstill)
+        except serial.SerialException as error:
+            raise SystemExit(f"not stopped: {error}. Use the emergency stop.") from None
 
 
 if __name__ == "__main__":
