@@ -551,7 +551,12 @@ fn what_differs_is_found_and_explains_the_vehicle() {
             .iter()
             .all(|key| supported.iter().any(|one| one == key))
     );
-    assert!(folder.read("page.html").contains("system_info.voltage_48v"));
+    let page = folder.read("page.html");
+    assert!(page.contains("system_info.voltage_48v"));
+    // What the vehicle did is hidden by nothing.
+    let figure = page.split("<figure>").nth(1).expect("there is a plot");
+    let places = ["curve2", "curve1", "curve0"].map(|curve| figure.rfind(curve));
+    assert!(places[0].is_some() && places.is_sorted(), "{figure}");
     // What is torn off at the end is left out; what is wrong elsewhere is named.
     let whole = folder.read(trace);
     std::fs::write(folder.file("torn.jsonl"), &whole[..whole.len() - 20]).unwrap();

@@ -7,21 +7,27 @@ use crate::run::report_page;
 
 /// Size of a plot, in its own units.
 const SIZE: [f64; 2] = [480.0, 160.0];
+/// A longer time between two values is not drawn across, s.
+const GAP: f64 = 1.0;
 /// A value of time, vehicle and model.
 type Value = fn(&[f64; 3]) -> f64;
-/// What is drawn.
-const LINES: [(&str, Value); 3] = [
-    ("vehicle", |[_, seen, _]| *seen),
-    ("model", |[_, _, model]| *model),
-    ("difference", |[_, seen, model]| seen - model),
+/// What is drawn, what lies on top last, each with the number of its colour.
+const LINES: [(&str, Value, usize); 3] = [
+    (
+        "difference, around zero",
+        |[_, seen, model]| seen - model,
+        2,
+    ),
+    ("model", |[_, _, model]| *model, 1),
+    ("vehicle", |[_, seen, _]| *seen, 0),
 ];
 
 pub(super) fn page(report: &Report) -> String {
     let body = html! {
-        pre { (report.text()) }
+        pre.wrapped { (report.text()) }
         p.legend {
-            @for (index, (name, _)) in LINES.iter().enumerate() {
-                span.key { span class=(format!("line line{index}")) {} (name) }
+            @for (name, _, colour) in LINES {
+                span.key { span class=(format!("line line{colour}")) {} (name) }
             }
         }
         div.plots {
@@ -32,27 +38,41 @@ pub(super) fn page(report: &Report) -> String {
 }
 
 fn plot(row: &FieldRow) -> Markup {
-    let values = |at| LINES.map(|(_, value)| value(at));
-    let all = || row.series.iter().flat_map(values);
-    let (low, high) = (all().fold(0.0, f64::min), all().fold(0.0, f64::max));
+    let ends = |lines: &[(&str, Value, usize)]| {
+        let values = |at| lines.iter().map(move |(_, value, _)| value(at));
+        let all = || row.series.iter().flat_map(values);
+        [
+            all().fold(f64::INFINITY, f64::min),
+            all().fold(f64::NEG_INFINITY, f64::max),
+        ]
+    };
+    let [low, high] = ends(&LINES[1..]);
+    let most = ends(&LINES[..1])
+        .map(f64::abs)
+        .into_iter()
+        .fold(1e-9, f64::max);
     let end = row.series.last().map_or(1.0, |[time, ..]| *time);
-    let points = |value: Value| {
+    let points = |values: &[[f64; 3]], value: Value, [low, high]: [f64; 2]| {
         let point = |at: &[f64; 3]| {
             let x = at[0] / end * SIZE[0];
             let y = (high - value(at)) / (high - low).max(1e-9) * SIZE[1];
             format!("{x:.1},{y:.1} ")
         };
-        row.series.iter().map(point).collect::<String>()
+        values.iter().map(point).collect::<String>()
     };
+    let parts = || row.series.chunk_by(|one, next| next[0] - one[0] <= GAP);
     html! {
         figure {
             figcaption {
                 (row.name) " " (row.unit) ", "
-                (format!("{low:.3} to {high:.3}, bias {:.4}, RMS {:.4}", row.bias, row.rms))
+                (format!("{low:.3} to {high:.3}, 0 to {end:.0} s; difference up to {most:.4}, bias {:.4}, RMS {:.4}", row.bias, row.rms))
             }
             svg.plot viewBox=(format!("0 0 {} {}", SIZE[0], SIZE[1])) role="img" aria-label=(row.name) {
-                @for (index, (_, value)) in LINES.iter().enumerate() {
-                    polyline class=(format!("curve curve{index}")) points=(points(*value)) {}
+                @for (index, (_, value, colour)) in LINES.iter().enumerate() {
+                    @let scale = if index == 0 { [-most, most] } else { [low, high] };
+                    @for part in parts() {
+                        polyline class=(format!("curve curve{colour}")) points=(points(part, *value, scale)) {}
+                    }
                 }
             }
         }
