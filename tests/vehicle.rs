@@ -587,6 +587,9 @@ fn what_differs_is_found_and_explains_the_vehicle() {
     let little = folder.sim(&["compare", "stalls.jsonl", "--only", "r150.over_rate"]);
     assert_eq!(little.code(), Some(3), "{}{}", little.out, little.err);
     assert!(little.out.contains("too little is left for a verdict"));
+    // Each part of --only has to be one.
+    let refused = folder.sim(&["compare", trace, "--only", "r150.reply, r150.nosuch"]);
+    refused.expect_refusal(2, &["--only", "`r150.nosuch`"]);
     // Its file is no recording, and the page replaces nothing else.
     let refused = folder.sim(&["compare", "drive.toml"]);
     refused.expect_refusal(2, &["drive.toml", "no trace"]);

@@ -6,6 +6,7 @@ use anyhow::{Context as _, anyhow};
 use rigsim_core::device::Devices;
 use rigsim_settings::parse_quantity;
 
+use super::knob::Knob;
 use super::recording::Recording;
 use super::report::{MARK, Report};
 use super::search::{ENOUGH, Findings, Search};
@@ -108,7 +109,8 @@ fn read(
     let slots: usize = recordings.iter().map(|one| one.slots.len()).sum();
     if slots > MOST_SLOTS {
         return Err(Failure::usage(anyhow!(
-            "{slots} requests are recorded, and at most {MOST_SLOTS} are compared at a time: record a shorter drive"
+            "{slots} requests are recorded, and at most {MOST_SLOTS} are compared at a time: take a part of the recording, \
+             such as by `head -n {MOST_SLOTS} drive.jsonl > part.jsonl`"
         )));
     }
     Ok(recordings)
@@ -121,12 +123,15 @@ fn search<'a>(
     only: &[String],
 ) -> Result<(Search<'a>, Findings), Failure> {
     let base = config::load(devices, settings)?;
-    let search = Search::new(recordings, base, only);
-    if search.knobs.is_empty() {
+    let only: Vec<String> = only.iter().map(|key| key.trim().to_owned()).collect();
+    let all = Knob::all(&base, recordings[0].device.id, &[]);
+    let is_unknown = |key: &&String| !all.iter().any(|knob| knob.key.starts_with(&***key));
+    if let Some(key) = only.iter().find(is_unknown) {
         return Err(Failure::usage(anyhow!(
-            "--only: no setting begins so; `sim config` lists them"
+            "--only: no setting that a recording may tell begins with `{key}`; `sim config` lists all settings"
         )));
     }
+    let search = Search::new(recordings, base, &only);
     let findings = search
         .run()
         .map_err(|why| Failure::usage(anyhow!("it cannot be played: {why}")))?;
