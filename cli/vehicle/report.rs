@@ -38,6 +38,9 @@ pub(super) struct Report {
     /// Replies that no setting explains.
     pub(super) unexplained: Vec<String>,
     pub(super) held_out: HeldOut,
+    /// The device sends by itself, so that its messages have no time to reply.
+    #[serde(skip)]
+    chatters: bool,
     #[serde(skip)]
     base: SimSettings,
     #[serde(skip)]
@@ -131,6 +134,7 @@ impl Report {
                 before: findings.held_out[0],
                 fitted: findings.held_out[1],
             },
+            chatters: search.recordings[0].device.host.chatters,
             base: search.base.clone(),
             written: findings.written.clone(),
         }
@@ -145,20 +149,25 @@ impl Report {
     pub(super) fn text(&self) -> String {
         let mut text = self.warning();
         // Writing to a string cannot fail.
-        let _ = writeln!(
-            text,
-            "command                  requests  vehicle  model   ms p50/p99 vehicle      model   bytes"
-        );
+        text.push_str(match self.chatters {
+            true => "message                     vehicle  model   bytes\n",
+            false => {
+                "command                  requests  vehicle  model   ms p50/p99 vehicle      model   bytes\n"
+            }
+        });
         for row in &self.commands {
             let [v, m] = row.ms.map(|[p50, p99]| format!("{p50:.1}/{p99:.1}"));
+            let [asked, times] = match self.chatters {
+                true => [String::new(), String::new()],
+                false => [format!("{:6} ", row.asked), format!(" {v:>18} {m:>12}")],
+            };
             let lengths = row.lengths.each_ref().map(|all| format!("{all:?}"));
             let different = if lengths[0] == lengths[1] { 1 } else { 2 };
             let [vehicle, model] = row.answered;
             let _ = writeln!(
                 text,
-                "{:26} {:6} {vehicle:8} {model:6} {v:>18} {m:>12}   {}",
+                "{:26} {asked}{vehicle:8} {model:6}{times}   {}",
                 row.name,
-                row.asked,
                 lengths[..different].join(" / "),
             );
         }
@@ -194,7 +203,10 @@ impl Report {
                 row.name, row.bias, row.rms, row.unit,
             );
         }
-        let _ = writeln!(text, "the other {same} are equal\n");
+        if same > 0 {
+            let _ = writeln!(text, "the other {same} are equal");
+        }
+        text.push('\n');
         for offset in &self.poses_offsets {
             let _ = writeln!(text, "poses: {offset:.3} s were added to their times\n");
         }
