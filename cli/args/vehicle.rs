@@ -16,7 +16,7 @@ Examples:
       The same with both links of a mecanum car.
   sim tap --csv capture.csv --trace drive.jsonl
       Read a capture made elsewhere. Each line is `seconds,direction,bytes`, as in
-      `12.345678,client,AA5500070A3B`; direction is `client` or `vehicle`, with `:1` behind it for the
+      `12.345678,client,AA550007C784`; direction is `client` or `vehicle`, with `:1` behind it for the
       second link.
   sim tap --pcap capture.pcapng --usb 1.5 --trace drive.jsonl
       Read what Wireshark has captured of the adapter that is device 5 at bus 1.";

@@ -10,13 +10,16 @@ use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 
 use super::end;
 
-/// Reads `seconds,direction,bytes` on each line; a heading, empty lines and comments that begin with `#` are
-/// skipped.
+/// Reads `seconds,direction,bytes` on each line; a heading, which begins with a letter, empty lines and comments
+/// that begin with `#` are skipped.
 pub(super) fn of_text(text: &str, links: usize) -> anyhow::Result<Vec<Record>> {
+    let text = text.trim_start_matches('\u{feff}');
     let lines = text.lines().map(str::trim).enumerate();
-    let rows = lines.filter(|(number, line)| {
-        let is_heading = *number == 0 && !line.starts_with(|c: char| c.is_ascii_digit());
-        !line.is_empty() && !line.starts_with('#') && !is_heading
+    let rows = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+    let mut rows = rows.peekable();
+    rows.next_if(|(_, line)| {
+        line.trim_start_matches('"')
+            .starts_with(char::is_alphabetic)
     });
     let row = |(number, line)| {
         let place = format!("line {}", number + 1);
@@ -84,7 +87,9 @@ struct Row {
 }
 
 fn row(line: &str, links: usize) -> anyhow::Result<Row> {
-    let mut cells = line.splitn(3, ',').map(str::trim);
+    let mut cells = line
+        .splitn(3, ',')
+        .map(|cell| cell.trim().trim_matches('"'));
     let mut cell = || cells.next().unwrap_or_default();
     let (seconds, direction, bytes) = (cell(), cell(), cell());
     let (side, link) = direction.split_once(':').unwrap_or((direction, "0"));
@@ -92,7 +97,12 @@ fn row(line: &str, links: usize) -> anyhow::Result<Row> {
         .parse()
         .ok()
         .filter(|link| *link < links)
-        .ok_or_else(|| anyhow!("there is no link `{link}`; allowed: 0 to {}", links - 1))?;
+        .ok_or_else(|| {
+            anyhow!(
+                "there is no link `{link}`; this --device has 0 to {}",
+                links - 1
+            )
+        })?;
     let by_client = match side {
         "client" => true,
         "vehicle" => false,
@@ -102,12 +112,13 @@ fn row(line: &str, links: usize) -> anyhow::Result<Row> {
             ));
         }
     };
-    let bytes = read_hex(bytes.chars().filter(|c| !c.is_ascii_whitespace()));
+    let digits = bytes.chars().filter(|c| !c.is_ascii_whitespace());
+    let read = read_hex(digits).filter(|read| !read.is_empty());
     Ok(Row {
         at: nanoseconds(seconds).ok_or_else(|| anyhow!("`{seconds}` is no time in seconds"))?,
         by_client,
         link,
-        bytes: bytes.ok_or_else(|| anyhow!("the bytes are no pairs of hexadecimal digits"))?,
+        bytes: read.ok_or_else(|| anyhow!("`{bytes}` is no bytes: pairs of hexadecimal digits"))?,
     })
 }
 

@@ -48,17 +48,41 @@ fn an_error_names_its_line_and_what_is_allowed() {
         ),
         (
             "1,client:1,AA",
-            "line 1: there is no link `1`; allowed: 0 to 0",
+            "line 1: there is no link `1`; this --device has 0 to 0",
         ),
         (
             "1,client,A",
-            "line 1: the bytes are no pairs of hexadecimal digits",
+            "line 1: `A` is no bytes: pairs of hexadecimal digits",
         ),
+        (
+            "1,client",
+            "line 1: `` is no bytes: pairs of hexadecimal digits",
+        ),
+        (".5,client,AA", "line 1: `.5` is no time in seconds"),
+        ("-1,client,AA", "line 1: `-1` is no time in seconds"),
         ("1e3,client,AA", "line 1: `1e3` is no time in seconds"),
         ("1.-5,client,AA", "line 1: `1.-5` is no time in seconds"),
         ("", "it has no lines; each is `seconds,direction,bytes`"),
     ] {
         let error = of_text(text, 1).unwrap_err();
         assert_eq!(format!("{error:#}"), why);
+    }
+}
+
+#[test]
+fn no_row_is_taken_for_a_heading_and_a_heading_is_none() {
+    for (text, rows) in [
+        ("\u{feff}1,client,AA\n2,client,BB", 2),
+        ("+1,client,AA\n2,client,BB", 2),
+        ("\"1\",\"client\",\"AA\"\n2,client,BB", 2),
+        ("# a comment\n\nseconds,direction,bytes\n1,client,AA", 1),
+        (
+            "\u{feff}\"seconds\",\"direction\",\"bytes\"\n1,client,AA",
+            1,
+        ),
+    ] {
+        let records = of_text(text, 1).unwrap();
+        let bytes = |one: &&Record| matches!(one, Record::In { .. });
+        assert_eq!(records.iter().filter(bytes).count(), rows, "{text}");
     }
 }
