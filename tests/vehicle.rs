@@ -362,7 +362,10 @@ fn a_capture_made_elsewhere_becomes_a_recording() {
     let [csv, trace] = ["capture.csv", "drive.jsonl"].map(|f| dir.path().join(f));
     std::fs::write(&csv, "t,who,bytes\n5.0,client,AA 55\n5.25,vehicle,0102\n").unwrap();
     let [csv, trace] = [&csv, &trace].map(|path| path.to_str().unwrap());
-    run(&["tap", "--csv", csv, "--trace", trace]).expect_clean();
+    let read = run(&["tap", "--csv", csv, "--trace", trace]).expect_clean();
+    assert_eq!(read.out, "2 bytes to the vehicle, 2 bytes from it\n");
+    let refused = run(&["tap", "--csv", csv, "--usb", "1.5", "--trace", trace]);
+    refused.expect_refusal(2, &["--usb"]);
     assert_eq!(
         (recorded(&dir, "in"), recorded(&dir, "out")),
         (vec![0xAA, 0x55], vec![1, 2])

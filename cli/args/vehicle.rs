@@ -45,7 +45,7 @@ pub(crate) struct TapArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["vehicle", "client", "csv"])]
     pub(crate) pcap: Option<PathBuf>,
     /// The adapter in it, as BUS.DEVICE, once for each link; not needed if it has only one.
-    #[arg(long, value_name = "BUS.DEVICE", requires = "pcap")]
+    #[arg(long, value_name = "BUS.DEVICE", requires = "pcap", conflicts_with_all = ["csv", "vehicle", "client"])]
     pub(crate) usb: Vec<String>,
     /// The recording to write.
     #[arg(long, value_name = "PATH")]

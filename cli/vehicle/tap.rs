@@ -25,7 +25,7 @@ use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::log::{Log, LogFormat, LogOptions, Words};
 use crate::patient_file::PatientFile;
-use crate::print::complain;
+use crate::print::{complain, print};
 use crate::recording::TraceFile;
 use crate::visible;
 
@@ -73,7 +73,16 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
         let mut trace = TraceFile::create(args.trace.clone()).map_err(Failure::usage)?;
         trace.record(&Record::Header(Box::new(header(&plan))));
         records.iter().for_each(|record| trace.record(record));
-        return trace.finish().map(|_| Exit::Clean);
+        trace.finish()?;
+        let count = |record: &Record| match record {
+            Record::In { bytes, .. } => [bytes.0.len(), 0],
+            Record::Out { bytes, .. } => [0, bytes.0.len()],
+            _ => [0, 0],
+        };
+        let passed = records.iter().map(count).fold([0; 2], |sum, more| {
+            [0, 1].map(|way| sum[way] + more[way] as u64)
+        });
+        return print(&summary(args.log_format, passed, None));
     }
     if args.vehicle.len() != args.client.len() {
         let why = anyhow!("give --pty once for each DEVICE, in the same order");
@@ -181,12 +190,19 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
         }
     }
     out.trace.record(&end(out.now()));
-    let [to_vehicle, to_client] =
-        [0, 1].map(|way| links.iter().map(|link| link.passed[way]).sum::<u64>());
+    let passed = [0, 1].map(|way| links.iter().map(|link| link.passed[way]).sum::<u64>());
     drop(links);
     out.live = None;
     let missing = out.guide.as_ref().map(Guide::missing);
-    let last = match out.log.options.format {
+    let last = summary(out.log.options.format, passed, missing);
+    out.log.finish(Some(last), |_| false);
+    out.trace.finish().map(|_| Exit::Clean)
+}
+
+/// How many bytes were recorded, to the vehicle and from it, and what is missing of a plan.
+fn summary(format: LogFormat, passed: [u64; 2], missing: Option<Vec<&str>>) -> String {
+    let [to_vehicle, to_client] = passed;
+    match format {
         LogFormat::Text => {
             let of_plan = match missing.as_deref() {
                 None => String::new(),
@@ -198,9 +214,7 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
         LogFormat::Json => visible::json(&json!({
             "code": "summary", "to_vehicle": to_vehicle, "from_vehicle": to_client, "missing": missing,
         })),
-    };
-    out.log.finish(Some(last), |_| false);
-    out.trace.finish().map(|_| Exit::Clean)
+    }
 }
 
 /// Log and recording.

@@ -7,6 +7,7 @@ use anyhow::{Context as _, anyhow, bail, ensure};
 use pcap_parser::{Block, Linktype, PcapBlockOwned, PcapError, create_reader};
 
 use super::Row;
+use crate::print::complain;
 
 /// Longest file and longest block of it, in bytes.
 const MOST_BYTES: u64 = 1 << 30;
@@ -35,7 +36,9 @@ pub(super) fn read(
         _ => chosen,
     };
     ensure!(
-        (1..=links).contains(&chosen.len()) && chosen.iter().all(|one| names.contains(one)),
+        (1..=links).contains(&chosen.len())
+            && chosen.iter().all(|one| names.contains(one))
+            && (1..chosen.len()).all(|at| !chosen[..at].contains(&chosen[at])),
         "name the device of each of at most {links} links with --usb; it has {}",
         names.join(", ")
     );
@@ -66,6 +69,12 @@ fn transfers(file: impl Read + Send) -> anyhow::Result<BTreeMap<Device, Vec<Row>
                 let filled = reader.refill();
                 filled.map_err(|error| anyhow!("it cannot be read: {error:?}"))?;
                 continue;
+            }
+            Err(PcapError::UnexpectedEof) if number > 0 => {
+                complain(&format!(
+                    "warning: the capture is cut off behind packet {number}; the rest is left out"
+                ));
+                return Ok(devices);
             }
             Err(error) => bail!("behind packet {number}: {error:?}"),
         };

@@ -220,15 +220,22 @@ fn what_is_wrong_with_a_capture_is_named() {
             "no pcap or pcapng file",
         ),
         (Vec::new(), "", "no pcap or pcapng file"),
-        (good[..good.len() - 10].to_vec(), "", "behind packet 5"),
+        (
+            good.clone(),
+            "1.5 1.5",
+            "name the device of each of at most 2",
+        ),
     ] {
-        let chosen: Vec<String> = Some(chosen.to_owned())
-            .into_iter()
-            .filter(|one| !one.is_empty())
-            .collect();
-        let error = read(&*file, &chosen, 1).err().unwrap().to_string();
+        let chosen: Vec<String> = chosen.split_whitespace().map(str::to_owned).collect();
+        let error = read(&*file, &chosen, chosen.len().max(1))
+            .err()
+            .unwrap()
+            .to_string();
         assert!(error.contains(why), "{error}, not {why}");
     }
+    // What is whole of a file that is cut off is read.
+    let rows = read(&good[..good.len() - 10], &[], 1).unwrap();
+    assert_eq!(both(&rows), [vec![0xAA, 0x55, 0, 7], Vec::new()]);
     // However it is torn or garbled, it is read or refused.
     for at in (0..good.len()).step_by(13) {
         let _ = read(&good[..at], &[], 1);
