@@ -39,7 +39,11 @@ fn plan_of(
     let device = found.ok_or_else(|| Failure::usage(anyhow!("no device is a `{kind}`")))?;
     let most = device.links.len();
     if !(1..=most).contains(&links) {
-        let why = anyhow!("{} has 1 to {most} links, not {links}", device.title);
+        let some = match most {
+            1 => "one link".to_owned(),
+            most => format!("1 to {most} links"),
+        };
+        let why = anyhow!("{} has {some}, not {links}", device.title);
         return Err(Failure::usage(why));
     }
     let planned = DevicePlan {

@@ -37,10 +37,14 @@ impl SerialPort {
                 .stop_bits(stop_bits(count))
                 .flow_control(FlowControl::None)
                 .open_native()
-                .map_err(|error| match open_error(error) {
-                    PortErrorKind::System { .. } if !is_terminal(path) => PortErrorKind::NotSerial,
-                    kind => kind,
-                })?;
+                .map_err(
+                    |error| match system_error("opening the serial port", error) {
+                        PortErrorKind::System { .. } if !is_terminal(path) => {
+                            PortErrorKind::NotSerial
+                        }
+                        kind => kind,
+                    },
+                )?;
             let port = Self {
                 registration: None,
                 tty,
@@ -54,7 +58,7 @@ impl SerialPort {
                 .map_err(PortErrorKind::call("fcntl"))?;
             Ok(port)
         };
-        open().map_err(|kind| PortError::new("serve", path, kind))
+        open().map_err(|kind| PortError::new("open", path, kind))
     }
 
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
@@ -130,7 +134,7 @@ impl Kind for SerialPort {
             .set_baud_rate(line.baud)
             .and_then(|()| tty.set_stop_bits(stop_bits(line.stop_bits.into())))
             .and_then(|()| tty.set_flow_control(flow));
-        set.map_err(|error| PortError::new("set", &self.path, open_error(error)))
+        set.map_err(|error| PortError::new("set", &self.path, system_error("tcsetattr", error)))
     }
 
     fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
@@ -172,7 +176,7 @@ fn is_terminal(path: &Path) -> bool {
     rustix::fs::open(path, flags, Mode::empty()).is_ok_and(rustix::termios::isatty)
 }
 
-fn open_error(error: serialport::Error) -> PortErrorKind {
+fn system_error(call: &'static str, error: serialport::Error) -> PortErrorKind {
     use std::io::ErrorKind;
     let kind = match error.kind() {
         serialport::ErrorKind::Io(kind) => kind,
@@ -185,7 +189,7 @@ fn open_error(error: serialport::Error) -> PortErrorKind {
         ErrorKind::PermissionDenied => PortErrorKind::NotPermitted,
         ErrorKind::ResourceBusy => PortErrorKind::Busy,
         _ => PortErrorKind::System {
-            call: "opening the serial port",
+            call,
             reason: error.into(),
         },
     }

@@ -257,6 +257,7 @@ fn the_line_is_set_as_the_client_sets_it_and_traffic_is_put_into_words() {
     let mut client = Client::open_at(tap.port(), 9600);
     client.send(&[0x00]);
     vehicle.wait_event("baud_mismatch");
+    tap.wait_line(&["the client has set 9600 baud", "[baud_mismatch]"]);
     drop(client);
     vehicle.wait_event("client_detached");
     let mut client = tap.client();
@@ -387,8 +388,14 @@ fn a_capture_made_elsewhere_becomes_a_recording() {
     std::fs::write(csv, "5.0,client,AA 5").unwrap();
     run(&["tap", "--csv", csv, "--trace", trace])
         .expect_refusal(2, &["capture.csv", "line 1", "hexadecimal"]);
-    run(&["tap", "/dev/null/no", "--pty", "x", "--trace", trace])
-        .expect_refusal(3, &["/dev/null/no"]);
+    let tap = |paths: &[&str]| {
+        let ends = paths.iter().flat_map(|_| ["--pty", "x"]);
+        let args = ["tap", "--trace", trace].into_iter().chain(ends);
+        run(&args.chain(paths.iter().copied()).collect::<Vec<_>>())
+    };
+    tap(&["/dev/null/no"]).expect_refusal(3, &["cannot open /dev/null/no"]);
+    tap(&["/dev/no", "/dev/none"]).expect_refusal(2, &["has one link, not 2"]);
+    tap(&["/dev/no", "/dev/no"]).expect_refusal(2, &["the same DEVICE is named twice"]);
 }
 
 /// Passes on a byte as simply as can be: the least that any relay adds.

@@ -3,7 +3,7 @@
 //! The vehicle's port is open while the client has its own open, set as the client has set it. When the
 //! vehicle is unplugged, the client's port hangs up; it is there again when the vehicle is.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,7 @@ use rigsim_core::device::Devices;
 use rigsim_core::device::host::{FrameReader, Sender};
 use rigsim_core::event::{Code, Event, EventKind, code};
 use rigsim_core::line::{ClientLine, LineEvent};
-use rigsim_pty::{Event as PortEvent, Port, PortError, PtySetup, Waiter};
+use rigsim_pty::{Event as PortEvent, Port, PortError, PortErrorKind, PtySetup, Waiter};
 use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 use serde_json::json;
 
@@ -52,6 +52,8 @@ rigsim_core::codes! {
     VEHICLE_BACK = "vehicle_back", Notice, NoParty;
     /// The client's port cannot be used any more; it is opened again.
     CLIENT_PORT_FAILED = "client_port_failed", Notice, NoParty;
+    /// The vehicle's port cannot be set as the client has set its own.
+    LINE_REFUSED = "line_refused", Notice, NoParty;
 }
 
 /// The `tap` subcommand: records until a signal ends it, or reads a capture.
@@ -86,6 +88,12 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
     }
     if args.vehicle.len() != args.client.len() {
         let why = anyhow!("give --pty once for each DEVICE, in the same order");
+        return Err(Failure::usage(why));
+    }
+    let real = |path: &PathBuf| path.canonicalize().unwrap_or(path.clone());
+    let real: BTreeSet<PathBuf> = args.vehicle.iter().map(real).collect();
+    if real.len() < args.vehicle.len() {
+        let why = anyhow!("the same DEVICE is named twice; each link has its own");
         return Err(Failure::usage(why));
     }
     let plan = plan_of(devices, &args.device, args.vehicle.len(), settings)?;
@@ -477,8 +485,19 @@ impl Link {
         if line.parity {
             self.emit(out, t, LineEvent::Parity);
         }
+        let (client, device) = (line.baud, self.setup.baud);
+        if client != 0 && client != device {
+            self.emit(out, t, LineEvent::BaudMismatch { client, device });
+        }
         let vehicle = self.vehicle.as_mut();
-        vehicle.map_or(Ok(()), |vehicle| vehicle.set_line(line))
+        match vehicle.map_or(Ok(()), |vehicle| vehicle.set_line(line)) {
+            // Such as a speed that the adapter cannot have: the vehicle is still there.
+            Err(error) if matches!(error.kind(), PortErrorKind::System { .. }) => {
+                out.vehicle(LINE_REFUSED, error.to_string());
+                Ok(())
+            }
+            set => set,
+        }
     }
 
     fn emit(&self, out: &Out, t: u64, event: LineEvent) {
@@ -524,7 +543,13 @@ impl Link {
         (self.client, self.vehicle, self.line) = (None, None, None);
         self.waiting.iter_mut().for_each(VecDeque::clear);
         match error.path() == self.vehicle_path {
-            true => out.vehicle(VEHICLE_GONE, format!("the vehicle is gone: {error}")),
+            true => {
+                let what = match error.kind() {
+                    PortErrorKind::Unplugged | PortErrorKind::NoSuchDevice => "the vehicle is gone",
+                    _ => "the vehicle's port cannot be used",
+                };
+                out.vehicle(VEHICLE_GONE, format!("{what}: {error}"));
+            }
             false => out.vehicle(CLIENT_PORT_FAILED, error.to_string()),
         }
     }
