@@ -720,7 +720,7 @@ fn what_is_wrong_with_poses_is_named() {
     for (text, why) in [
         (
             "seconds,x_m,y_m\n0,0,0\n".to_owned(),
-            "line 1: no column is named `heading_deg`",
+            "no column is named `heading_deg`; commas stand between columns, and these are `seconds`, `x_m`, `y_m`",
         ),
         (
             format!("{head}0,0,0,0\n1,0,left,0\n"),
@@ -730,7 +730,10 @@ fn what_is_wrong_with_poses_is_named() {
             format!("{head}0,NaN,0,0\n"),
             "line 2, column x_m: `NaN` is no number",
         ),
-        (format!("{head}0,0,0,0\n1,0,0\n"), "line: 3"),
+        (
+            format!("{head}0,0,0,0\n1,0,0\n"),
+            "line 3, column heading_deg: `` is no number",
+        ),
         (
             format!("{head}1,0,0,0\n1,0,0,0\n"),
             "line 3, column seconds: time goes back",
@@ -739,7 +742,7 @@ fn what_is_wrong_with_poses_is_named() {
             format!("{head}1,0,0,0\n9999,0,0,0\n"),
             "line 3, column seconds: more than an hour",
         ),
-        (format!("{head}1,0,0,0\n"), "less than two poses"),
+        (format!("{head}1,0,0,0\n"), "fewer than two poses"),
         (
             format!("{head}1,0,0,0\n2,0,0,0\n"),
             "do not move as the model does",

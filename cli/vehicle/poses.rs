@@ -57,12 +57,19 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Vec<TimedPose>> {
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
+        .flexible(true)
         .from_reader(file);
     let heads = reader.headers()?;
     let mut columns = [0; 4];
     for (column, name) in columns.iter_mut().zip(COLUMNS) {
         let found = heads.iter().position(|head| head == name);
-        *column = found.with_context(|| format!("line 1: no column is named `{name}`"))?;
+        let there = || heads.iter().collect::<Vec<_>>().join("`, `");
+        *column = found.with_context(|| {
+            format!(
+                "no column is named `{name}`; commas stand between columns, and these are `{}`",
+                there()
+            )
+        })?;
     }
     let mut all: Vec<TimedPose> = Vec::new();
     let mut last = f64::NEG_INFINITY;
@@ -90,7 +97,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Vec<TimedPose>> {
             all.push(row);
         }
     }
-    ensure!(all.len() > 1, "it has less than two poses");
+    ensure!(all.len() > 1, "it has fewer than two poses");
     Ok(all)
 }
 

@@ -317,7 +317,9 @@ impl Recording {
                 .collect();
             let (_, model) = self.replay(settings, 0, &times)?;
             let found = poses::offset(poses, &model);
-            found.ok_or("the poses do not move as the model does: give --poses-offset".to_owned())
+            let still =
+                "the poses do not move as the model does, or it stands still: give --poses-offset";
+            found.ok_or(still.to_owned())
         };
         let offset = offset.map_or_else(find, Ok)?;
         let at = |pose: &TimedPose| {
