@@ -438,27 +438,43 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Commands with replies that no setting explains: in form, in bits, or far beyond any scatter.
+    /// Requests with replies that no setting explains: in form, in bits, or far beyond any scatter. Where no
+    /// single one has enough of them, all of a name together.
     pub(super) fn unexplained(&self, model: &Model) -> Vec<String> {
-        let mut counts: BTreeMap<&str, (usize, usize, usize, u64)> = Default::default();
+        let mut counts: BTreeMap<[&str; 2], (usize, usize, usize, u64)> = Default::default();
         for (at, slot) in self.slots(false).chain(self.slots(true)) {
             let (asked, seen) = (&self.recordings[at].slots[slot], &self.vehicle[at][slot]);
             let signs = model.cells[at][slot].contradictions(seen.as_ref(), &model.layout);
-            let (all, wrong, weight, last) = counts.entry(&asked.text).or_default();
-            *all += 1;
-            if signs > 0 {
-                *wrong += 1;
-                *weight += signs;
-                *last = asked.at;
+            for text in ["", &asked.text] {
+                let count = counts.entry([&asked.name, text]).or_default();
+                let (all, wrong, weight, last) = count;
+                *all += 1;
+                if signs > 0 {
+                    *wrong += 1;
+                    *weight += signs;
+                    *last = asked.at;
+                }
             }
         }
-        let some = counts
-            .into_iter()
-            .filter(|(_, (all, _, weight, _))| *weight > 2 + all / 20);
-        let words = |(text, (all, wrong, _, at)): (&str, (usize, usize, usize, u64))| {
-            let at = rigsim_core::SimTime::from_nanos(at);
-            format!("{text}: {wrong} of {all} have another answer than the model, last at {at} s")
+        counts.retain(|_, (all, _, weight, _)| *weight > 2 + *all / 20);
+        let is_single = |name: &str| {
+            counts
+                .keys()
+                .any(|[other, text]| *other == name && !text.is_empty())
         };
+        let some = counts
+            .iter()
+            .filter(|([name, text], _)| !text.is_empty() || !is_single(name));
+        let words =
+            |([name, text], (all, wrong, _, at)): (&[&str; 2], &(usize, usize, usize, u64))| {
+                let (text, at) = (
+                    if text.is_empty() { name } else { text },
+                    rigsim_core::SimTime::from_nanos(*at),
+                );
+                format!(
+                    "{text}: {wrong} of {all} have another answer than the model, last at {at} s"
+                )
+            };
         some.map(words).collect()
     }
 

@@ -224,6 +224,24 @@ fn a_time_far_from_the_documented_one_is_found() {
 }
 
 #[test]
+fn missing_replies_are_unexplained_where_hardly_two_requests_are_the_same() {
+    let mut recordings = [drive(&["small"], &with(&[]), 34)];
+    let mut dropped = std::collections::BTreeMap::new();
+    let Recording { slots, seen, .. } = &mut recordings[0];
+    for (slot, seen) in slots.iter().zip(seen) {
+        let count = dropped.entry(&slot.text).or_insert(0);
+        *count += 1;
+        *seen = seen.take().filter(|_| *count > 2);
+    }
+    let (search, findings) = search(&recordings, &["r150.version_order"]);
+    let report = Report::of(&search, &findings);
+    let [one] = &*report.unexplained else {
+        panic!("{}", report.text());
+    };
+    assert!(one.starts_with("set_motors: "), "{one}");
+}
+
+#[test]
 fn the_file_keeps_what_its_file_had_and_the_decided_parts_of_a_version() {
     let changes = ["r150.hardware_version=\"40.0.0.0\"".to_owned()];
     let recordings = [drive(&["questions"], &with(&changes), 77)];
