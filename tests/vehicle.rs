@@ -569,16 +569,20 @@ fn what_differs_is_found_and_explains_the_vehicle() {
     assert!(places[0].is_some() && places.is_sorted(), "{figure}");
     // What is torn off at the end is left out; what is wrong elsewhere is named.
     let whole = folder.read(trace);
+    let torn = ["compare", "torn.jsonl", "--only", "r150.over_rate"];
+    let torn = [&torn[..], &["--set", changes[0]]].concat();
     std::fs::write(folder.file("torn.jsonl"), &whole[..whole.len() - 20]).unwrap();
-    let torn = folder.sim(&["compare", "torn.jsonl", "--only", "r150.over_rate"]);
-    torn.expect_refusal(0, &["torn.jsonl", "the last one, is torn"]);
+    folder
+        .sim(&torn)
+        .expect_refusal(0, &["torn.jsonl", "the last one, is torn"]);
     std::fs::write(
         folder.file("torn.jsonl"),
         whole.clone() + &"\0".repeat(4096),
     )
     .unwrap();
-    let torn = folder.sim(&["compare", "torn.jsonl", "--only", "r150.over_rate"]);
-    torn.expect_refusal(0, &["torn.jsonl", "the last one, is torn"]);
+    folder
+        .sim(&torn)
+        .expect_refusal(0, &["torn.jsonl", "the last one, is torn"]);
     let first = whole.lines().next().unwrap();
     std::fs::write(folder.file("none.jsonl"), first).unwrap();
     let none = folder.sim(&["compare", "none.jsonl"]);

@@ -160,6 +160,11 @@ impl Knob {
         number.unwrap_or(0.0)
     }
 
+    /// Returns whether its number is a whole one.
+    pub(super) fn is_whole(&self) -> bool {
+        matches!(self.form, Form::Whole(_) | Form::Part(_))
+    }
+
     /// The unit in which its number is.
     pub(super) fn unit(&self) -> String {
         match &self.form {

@@ -101,7 +101,8 @@ pub(super) fn cells(
             let sd = cells[at].sd[channel];
             let sd = if sd > 2.5 * usual { sd } else { usual };
             // The mean is a whole number on the wire, or that of the plays.
-            let round = f64::from(channel > 0) / 12.0;
+            let is_rounded = channel > 0 && info.is_some_and(|info| !info.is_hex);
+            let round = f64::from(is_rounded) / 12.0;
             let late = recording.slots[at].late;
             let jitter = match channel {
                 0 => jitter,

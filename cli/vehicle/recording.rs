@@ -118,6 +118,8 @@ pub(super) struct Channel {
     pub(super) per: f64,
     /// A bit, a word or a flag, of which no mean is taken.
     pub(super) is_choice: bool,
+    /// A byte of what is read in hexadecimal, which is rounded from nothing.
+    pub(super) is_hex: bool,
 }
 
 /// The values of a reply: the time to it, then its fields.
@@ -127,6 +129,7 @@ pub(super) fn channels(info: Option<&MessageInfo>) -> Vec<Channel> {
         unit: "ms",
         per: 1.0,
         is_choice: false,
+        is_hex: false,
     };
     let fields = info.into_iter().flat_map(|info| info.fields);
     let of_field = fields.flat_map(|field| {
@@ -142,6 +145,7 @@ pub(super) fn channels(info: Option<&MessageInfo>) -> Vec<Channel> {
             is_choice: !field.bits.is_empty()
                 || !field.values.is_empty()
                 || field.wire == WireType::Bool,
+            is_hex: field.hex,
         })
     });
     std::iter::once(wait).chain(of_field).collect()

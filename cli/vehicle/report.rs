@@ -97,6 +97,8 @@ pub(super) struct SettingRow {
     pub(super) written: bool,
     /// A number that was found, the ends of its interval of 99 %, and their unit.
     pub(super) number: Option<(f64, [Option<f64>; 2], String)>,
+    #[serde(skip)]
+    is_whole: bool,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
     /// What shows it, or what would.
@@ -362,6 +364,9 @@ impl SettingRow {
         };
         let short = |end: f64| format!("{end:.2e}").parse().unwrap_or(end);
         let text = match *ends {
+            [Some(low), Some(high)] if self.is_whole && high - low < 1.0 => {
+                format!("{value:.0} {unit}")
+            }
             [Some(low), Some(high)] if (high + low - 2.0 * value).abs() > 0.1 * (high - low) => {
                 format!("{} to {} {unit}", short(low), short(high))
             }
@@ -411,6 +416,7 @@ fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
         number: found
             .and_then(|found| found.number)
             .map(|(value, ends)| (value, ends, knob.unit())),
+        is_whole: knob.is_whole(),
         written: found.is_some_and(|found| {
             let changed = |settings| knob.literal_in(settings) != knob.literal_in(&search.base);
             found.is_decided(&findings.verdicts) && changed(&findings.written)

@@ -243,19 +243,21 @@ fn missing_replies_are_unexplained_where_hardly_two_requests_are_the_same() {
 
 #[test]
 fn the_file_keeps_what_its_file_had_and_the_decided_parts_of_a_version() {
-    let changes = ["r150.hardware_version=\"40.0.0.0\"".to_owned()];
-    let recordings = [drive(&["questions"], &with(&changes), 77)];
-    let only = ["r150.hardware_version".to_owned()];
-    let before = ["r150.on_bad_crc=false", "world.friction=0"].map(str::to_owned);
-    let search = Search::new(&recordings, with(&before), &only);
-    let report = Report::of(&search, &search.run().unwrap());
-    let toml = report.toml(&with(&before[..1]));
-    assert!(!toml.contains("friction"), "{toml}");
-    for line in [
-        "r150.on_bad_crc = \"false\"",
-        "r150.hardware_version = \"40.0.0.0\"",
-    ] {
-        assert!(toml.lines().any(|one| one == line), "{toml}");
+    for version in ["\"40.0.0.0\"", "\"1.0.0.1\""] {
+        let changes = [format!("r150.hardware_version={version}")];
+        let recordings = [drive(&["questions"], &with(&changes), 77)];
+        let only = ["r150.hardware_version".to_owned()];
+        let before = ["r150.on_bad_crc=false", "world.friction=0"].map(str::to_owned);
+        let search = Search::new(&recordings, with(&before), &only);
+        let report = Report::of(&search, &search.run().unwrap());
+        let toml = report.toml(&with(&before[..1]));
+        assert!(!toml.contains("friction"), "{toml}");
+        for line in [
+            "r150.on_bad_crc = \"false\"",
+            &*format!("r150.hardware_version = {version}"),
+        ] {
+            assert!(toml.lines().any(|one| one == line), "{toml}");
+        }
     }
 }
 
