@@ -10,6 +10,8 @@ const STEP: f64 = 0.2;
 
 /// Settings of the calculation, which no vehicle has.
 const OF_THE_MODEL: [&str; 2] = ["world.step", "world.tolerances"];
+/// Speeds that a line is tried with: those that are usual.
+const SPEEDS: [u32; 6] = [9_600, 19_200, 38_400, 57_600, 115_200, 230_400];
 
 /// A setting, or one number of a version.
 #[derive(Debug, Clone)]
@@ -60,6 +62,9 @@ impl Knob {
         let words = words.map(|words| words.iter().map(ToString::to_string).collect());
         let flags = || vec!["true".to_owned(), "false".to_owned()];
         let choices = words.or_else(|| (schema["type"] == "boolean").then(flags));
+        let is_speed = entry.value.ends_with(" baud\"");
+        let speeds = || SPEEDS.map(|speed| format!("\"{speed} baud\"")).to_vec();
+        let choices = choices.or_else(|| is_speed.then(speeds));
         let knob = |step, form| Self {
             key: entry.key.clone(),
             basis: entry.basis,

@@ -6,7 +6,7 @@ use rigsim_core::SHIPPED;
 use rigsim_core::event::read_hex;
 use rigsim_core::settings::SimSettings;
 use rigsim_runner::trace::{Hexed, PortRecord, Record, Replay};
-use rigsim_settings::{Settings as _, SimTime, parse_assignment};
+use rigsim_settings::{ClientLine, Settings as _, SimTime, parse_assignment};
 
 use super::knob::Knob;
 use super::plan::manoeuvres;
@@ -38,6 +38,11 @@ fn drive(parts: &[&str], settings: &SimSettings, seed: u64) -> Recording {
     let mut records = vec![
         Record::Time { client, date: None },
         Record::Attach { t: 1, port },
+        Record::Line {
+            t: 1,
+            port,
+            line: ClientLine::at(own.baud(0)),
+        },
     ];
     let mut t = 1_000_000;
     for frame in all.iter().flat_map(|one| &one.frames) {
@@ -142,6 +147,12 @@ const ONE_AT_A_TIME: &[(&str, &str, &[&str], f64)] = &[
         "too many",
         "r150.over_rate=silent",
         &["r150.over", "r150.motor_reply"],
+        0.0,
+    ),
+    (
+        "too many",
+        "r150.baud=57600 baud",
+        &["r150.baud", "r150.reply_delay"],
         0.0,
     ),
 ];
