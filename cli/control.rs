@@ -4,6 +4,7 @@ mod answers;
 mod ask;
 pub(crate) mod ctl;
 mod listening;
+mod past;
 mod session;
 
 use std::net::SocketAddr;
@@ -26,8 +27,9 @@ use crate::exit::Failure;
 use crate::log::Words;
 use crate::visible;
 
-pub(crate) use answers::outline;
+pub(crate) use answers::{drawing, outline};
 use listening::{Listening, Traffic, is_due, progress};
+pub(crate) use past::Past;
 use session::Session;
 
 /// Requests that are answered before clients of the ports have their turn again.
@@ -59,6 +61,8 @@ pub(crate) struct RequestQueue {
     waiting: Vec<(usize, Answer)>,
     /// Answers to be given when time stands still again.
     stepping: Vec<Answer>,
+    /// What was before a run that was played again goes on.
+    pub(crate) past: Option<Past>,
     /// Goes behind those that listen and wait, which then get its end.
     pub(crate) control: Control,
     /// Goes when this does.
@@ -105,6 +109,7 @@ impl RequestQueue {
             patience: SETTLE,
             waiting: Vec::new(),
             stepping: Vec::new(),
+            past: None,
         })
     }
 
@@ -273,8 +278,14 @@ impl RequestQueue {
         self.send_log();
         let steps = run.steps().map(|step| progress(&step)).collect();
         let known = (steps, run.failures().len());
-        self.listening
-            .push(Listening::new(listener, probes, known, now));
+        let past = self
+            .past
+            .as_ref()
+            .filter(|_| listener.wants.picture_every.is_some());
+        let past = past.map(|past| message("past", past.shown(&probes)));
+        let mut one = Listening::new(listener, probes, known, now);
+        past.iter().for_each(|past| one.send(past));
+        self.listening.push(one);
         self.next_send.get_or_insert(now + SEND_EVERY);
         Ok(Value::Null)
     }

@@ -237,8 +237,13 @@ pub(crate) fn client_time(path: &Path) -> Result<(Cow<'static, str>, Option<u64>
 }
 
 /// Plays a recording again up to a time. Its client has closed its ports then.
-pub(crate) fn until(devices: Devices, path: &Path, at: SimTime) -> Result<Run, Failure> {
-    let (mut run, open, is_there) = part(devices, path, at)?;
+pub(crate) fn until(
+    devices: Devices,
+    path: &Path,
+    at: SimTime,
+    observer: &mut dyn Observer,
+) -> Result<Run, Failure> {
+    let (mut run, open, is_there) = part(devices, path, at, Some(observer))?;
     if !is_there || run.finished().is_some() {
         let (path, now) = (visible::name(path), run.rig().now());
         let why = anyhow!("--until: {path} ends at {now}; give an earlier time");
@@ -256,10 +261,14 @@ pub(crate) fn part(
     devices: Devices,
     path: &Path,
     at: SimTime,
+    mut observer: Option<&mut dyn Observer>,
 ) -> Result<(Run, BTreeSet<PortId>, bool), Failure> {
     let failed = |error| Failure::usage(anyhow!("{}: {error}", visible::name(path)));
     let mut lines = Lines::open(path)?;
     let mut replay = Replay::begin(devices, lines.first()?).map_err(failed)?;
+    if let Some(observer) = &mut observer {
+        replay = replay.watched(*observer);
+    }
     let (mut open, mut is_there) = (BTreeSet::new(), false);
     while let Some(line) = lines.next()? {
         if let Ok(line) = serde_json::from_str::<Timed>(line) {
@@ -281,6 +290,13 @@ pub(crate) fn part(
         replay.line(line).map_err(failed)?;
     }
     let mut run = replay.into_run();
+    if let Some(observer) = observer {
+        while observer.next_sample() <= at && run.finished().is_none() {
+            run.advance(observer.next_sample())
+                .map_err(Failure::system)?;
+            observer.sample(&run);
+        }
+    }
     run.advance(at).map_err(Failure::system)?;
     Ok((run, open, is_there))
 }

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use crate::args::{Cli, ReplayArgs, ServeArgs};
 use crate::attendant::LogAttendant;
 use crate::config;
-use crate::control::RequestQueue;
+use crate::control::{Past, RequestQueue};
 use crate::exit::{Exit, Failure};
 use crate::log::{Log, LogFormat, LogOptions, Words};
 use crate::plan::plan;
@@ -81,12 +81,17 @@ pub(crate) fn replay(devices: Devices, args: &ReplayArgs) -> Result<Exit, Failur
     let Some(until) = &args.until else {
         return recording::replay(devices, &args.trace);
     };
-    let run = recording::until(devices, &args.trace, SimTime::ZERO + until.0)?;
+    let until = SimTime::ZERO + until.0;
+    let mut past = Past::before(until);
+    let run = recording::until(devices, &args.trace, until, &mut past)?;
     let words = ["sim", "--control", &args.control.to_string()].map(OsString::from);
     let serve = Cli::parse(devices, &words).map_err(Failure::usage)?.serve;
     let header = recording::header(&args.trace)?;
     let loaded = Loaded::replayed(&run, header.and_then(|header| header.world));
     let mut session = Session::open(&serve, &loaded, run, Begin::Paused)?;
+    if let Some(requests) = &mut session.requests {
+        requests.past = Some(past);
+    }
     session.serve()?;
     session.finish(None)?;
     Ok(Exit::Clean)

@@ -133,7 +133,8 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
     devices.collect()
 }
 
-fn drawing(rig: &Rig, device: usize) -> Drawing {
+/// What of a device is drawn.
+pub(crate) fn drawing(rig: &Rig, device: usize) -> Drawing {
     let device = rig.any_device(device);
     device
         .map(|device| device.plant().drawing())
@@ -232,16 +233,17 @@ pub(super) fn values_of(run: &Run, names: &[String]) -> Reply {
 pub(super) fn values(run: &Run, probes: &[Probe]) -> Value {
     let values: Map<String, Value> = probes
         .iter()
-        .map(|probe| {
-            let value = match probe.read(run) {
-                Some(Reading::Number(number)) => json!(number),
-                Some(Reading::Flag(flag)) => json!(flag),
-                None => Value::Null,
-            };
-            (probe.name.clone(), value)
-        })
+        .map(|probe| (probe.name.clone(), value(run, probe)))
         .collect();
     json!({"t": run.rig().now().as_secs_f64(), "values": values})
+}
+
+pub(super) fn value(run: &Run, probe: &Probe) -> Value {
+    match probe.read(run) {
+        Some(Reading::Number(number)) => json!(number),
+        Some(Reading::Flag(flag)) => json!(flag),
+        None => Value::Null,
+    }
 }
 
 /// All names. With one device they need not begin with its own.

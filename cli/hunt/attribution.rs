@@ -48,7 +48,8 @@ pub(super) fn is_unavoidable(
     let trace = case.recording().unwrap_or_default();
     let breaks = |at: u64, without: Option<&str>| -> Result<bool, Failure> {
         for then in [Then::Silence, Then::Stops] {
-            let (mut run, open, _) = recording::part(devices, &trace, SimTime::from_nanos(at))?;
+            let (mut run, open, _) =
+                recording::part(devices, &trace, SimTime::from_nanos(at), None)?;
             if let Some(step) = without.and_then(|name| run.step_named(name)) {
                 run.clear_step(step).map_err(Failure::system)?;
             }

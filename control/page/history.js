@@ -19,6 +19,12 @@ export class History {
 
   addValues(values) { this.#add(this.values, values); }
 
+  // Values of before, those of further names included.
+  addPast(values) {
+    const end = values.at(-1)?.t ?? 0;
+    this.values = [...values, ...this.values.filter((one) => one.t > end)];
+  }
+
   #add(list, item) {
     if (list.length && item.t < list.at(-1).t) list.length = 0;
     if (list.at(-1)?.t === item.t) list.pop();

@@ -292,11 +292,19 @@ function end() {
   notice(GONE);
 }
 
+function takePicture(data) {
+  picture.setNow(data);
+  if (data.devices.every((device) => device.angles)) history.addFrame(data);
+}
+
 function take(kind, data) {
   if (kind === "picture") {
-    picture.setNow(data);
-    if (data.devices.every((device) => device.angles)) history.addFrame(data);
+    takePicture(data);
     element("clock").textContent = `${data.t.toFixed(3)} s`;
+  } else if (kind === "past") {
+    if (!history.frames.length) data.pictures.forEach(takePicture);
+    history.addPast(data.values);
+    charts.refresh();
   } else if (kind === "values") { history.addValues(data); charts.refresh(); }
   else if (kind === "log") addLine(data);
   else if (kind === "time") setTime(data);

@@ -6,7 +6,9 @@ Pictures are left in FOLDER. With SIM_PAGE_FROM_FOLDER in the environment, the f
 control/page, whatever SIM has in it.
 """
 
+import atexit
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -470,6 +472,44 @@ def plays(browser, program, folder):
     simulator.process.wait()
 
 
+class Replayed(Simulator):
+    """A recorded run that is played again up to a time."""
+
+    def __init__(self, program, folder, trace, until):
+        self.program, self.folder = program, folder.absolute()
+        self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(self.folder)}
+        command = [program, "replay", trace, "--until", f"{until} s"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=self.environment)
+        atexit.register(self.process.kill)
+        assert any(line == "ready\n" for line in self.process.stdout), "it has ended"
+
+
+def looks_before(browser, program, trace, folder):
+    """The slider goes back into what was played again, the values of charts and names included."""
+    until, then = 6.0, 2.0
+    simulator = Replayed(program, folder / "replayed", trace, until)
+    page, wrong = open_page(browser, simulator, **DESK)
+    wait("now is shown", lambda: abs(page.evaluate("sim.history.last") - until) < 0.001)
+    assert page.evaluate("[sim.history.first, Number(document.getElementById('when').min)]") == [0, 0]
+    page.locator("#when").evaluate("(slider, t) => { slider.value = t; slider.dispatchEvent(new Event('input')); }", then)
+    names = ["r150.truth.x_m", "r150.truth.speed_mps"]
+    csv = [program, "trace", trace, "--csv", ",".join(names), "--from", f"{then} s", "--to", f"{then} s"]
+    x, speed = map(float, subprocess.run(csv, check=True, capture_output=True, text=True).stdout.splitlines()[1].split(","))
+    assert abs(page.evaluate("sim.picture.past.devices[0].x") - x) < 1e-9 and x > 0.1
+    shown = page.evaluate(f"sim.history.valuesAt({then}).values")
+    assert abs(shown[names[1]] - speed) < 1e-9 and abs(speed) > 0.01, (shown, speed)
+    # Further names are known then, too.
+    page.fill("#name", "r150.truth.y_m")
+    page.keyboard.press("Enter")
+    wait("it has values of then", lambda: "r150.truth.y_m" in page.evaluate(f"sim.history.valuesAt({then}).values"))
+    assert page.evaluate("sim.history.first") == 0
+    assert not wrong, wrong
+    page.context.close()
+    simulator.process.terminate()
+    assert simulator.process.wait() == 0
+
+
 def main(program, folder):
     simulator = Simulator(program, folder / "two", YARD, "--set", "r150.heartbeat_timeout=6s")
     driver = Driver(simulator.folder / "r150")
@@ -498,6 +538,7 @@ def main(program, folder):
         page.keyboard.press("Home")
         assert page.evaluate("sim.timeline.past !== null")
         assert not wrong, wrong
+        looks_before(browser, program, simulator.trace, folder)
     added = {line["step"]: line for line in trace if line["kind"] == "add"}
     assert any("bit-flips" in line["text"] and "100 ms" in line["text"] for line in added.values()), added
     assert any(line["kind"] == "event" and "emergency stop" in line["text"] for line in trace)
