@@ -3,6 +3,7 @@
     python -m rigsim.annotate results/junit.xml                       annotations of GitHub, on standard output
     python -m rigsim.annotate --gitlab quality.json results/junit.xml a code quality report of GitLab
 
+With `--check FILE`, what `sim check` printed into a file is shown, too; the JUnit file need not be there then.
 The line is the first one that contains the rule which failed; else that of the scenario's title.
 """
 
@@ -47,6 +48,12 @@ def annotations(junit: Path) -> Iterable[Annotation]:
                 yield Annotation(file, line_of(text.splitlines(), title, message), title, message)
 
 
+def mistakes(printed: str) -> Iterable[Annotation]:
+    """Every mistake that `sim check` printed."""
+    for file, line, message in re.findall(r"^(?:error: )?([^ :]+\.toml):(\d+):\d+: (.*)$", printed, re.MULTILINE):
+        yield Annotation(file, int(line), "sim check", message)
+
+
 def github(one: Annotation) -> str:
     """A workflow command, with its own escapes."""
 
@@ -74,9 +81,12 @@ def main() -> None:
     options = argparse.ArgumentParser(prog="python -m rigsim.annotate", description=(__doc__ or "").split("\n")[0])
     options.add_argument("junit", type=Path, help="the file that `sim run --junit` wrote")
     options.add_argument("--gitlab", type=Path, metavar="FILE", help="write a code quality report into FILE")
+    options.add_argument("--check", type=Path, metavar="FILE", help="show what `sim check` printed into FILE, too")
     given = options.parse_args()
     try:
-        found = list(annotations(given.junit))
+        found = list(mistakes(given.check.read_text(encoding="utf-8"))) if given.check else []
+        if given.junit.exists() or not given.check:
+            found += annotations(given.junit)
     except (OSError, xml.ParseError) as error:
         sys.exit(f"error: {given.junit}: {error}")
     if given.gitlab:

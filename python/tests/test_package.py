@@ -321,3 +321,11 @@ def test_a_failure_is_shown_on_the_line_of_its_rule(tmp_path):
     subprocess.run([*annotate, "--gitlab", "quality.json", "junit.xml"], cwd=tmp_path, check=True)
     (one,) = json.loads((tmp_path / "quality.json").read_text())
     assert one["location"] == {"path": "stuck.toml", "lines": {"begin": 8}} and "truth.distance_m > 1" in one["description"]
+    # A file that is refused is not played.
+    scenario.write_text(scenario.read_text() + "[[step]]\nfault = 1\n")
+    with open(tmp_path / "check.txt", "w") as printed:
+        subprocess.run([rigsim.program(), "check", "stuck.toml"], cwd=tmp_path, stderr=printed)
+    checked = [*annotate, "--check", "check.txt", "--gitlab", "quality.json", "none.xml"]
+    subprocess.run(checked, cwd=tmp_path, check=True)
+    (one, *_) = json.loads((tmp_path / "quality.json").read_text())
+    assert one["location"] == {"path": "stuck.toml", "lines": {"begin": 9}} and "step" in one["description"]
