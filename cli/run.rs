@@ -24,6 +24,7 @@ use anyhow::{Context as _, anyhow};
 use rigsim_core::device::Devices;
 use rigsim_core::settings::SimSettings;
 use rigsim_pty::ExitOnSignals;
+use rigsim_pty::paths::Held;
 use rigsim_runner::Scenario;
 
 use crate::args::{ExitArg, GivenArgs, RunArgs, Shard, TimeArg};
@@ -41,6 +42,7 @@ use view::View;
 
 pub(crate) use campaign::{Plan, merge};
 pub(crate) use case::{Case, CaseResult, Played, Verdict};
+pub(crate) use folder::scratch;
 pub(crate) use json::verdict as verdict_json;
 pub(crate) use live::NO_PORT_OPENED;
 pub(crate) use page::{MARKS as REPORT_MARKS, case_in_full, document as report_page};
@@ -100,12 +102,8 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         }
         None => None,
     };
-    let scratch = (page.is_some() || results.is_some())
-        .then(|| tempfile::Builder::new().prefix("sim-run-").tempdir());
-    let scratch = scratch
-        .transpose()
-        .context("cannot make a folder for recordings");
-    let scratch = scratch.map_err(Failure::system)?;
+    let scratch = (page.is_some() || results.is_some()).then(folder::scratch);
+    let scratch = scratch.transpose().map_err(Failure::system)?;
     let folder = scratch.as_ref().map(|folder| folder.path().to_owned());
     for case in &mut cases {
         case.scratch = folder.as_deref();
@@ -213,7 +211,7 @@ struct Audience<'a> {
     page: Option<&'a Page>,
     results: Option<Results>,
     /// Folder of recordings that only the page or the results need.
-    scratch: Option<tempfile::TempDir>,
+    scratch: Option<Held>,
 }
 
 impl Audience<'_> {

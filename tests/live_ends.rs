@@ -189,6 +189,21 @@ fn a_killed_simulator_leaves_no_process_behind() {
 }
 
 #[test]
+fn the_next_run_removes_what_a_killed_one_has_left() {
+    let folder = folder();
+    let script = format!("{OPEN} echo $$ >>pids; sleep 600");
+    let run = ["run", "--report", "report.html", "drive.toml"];
+    let sim = folder.start(&[&run[..], &["--", "sh", "-c", &script]].concat());
+    wait_for_pids(&folder, 1);
+    sim.signal(Signal::KILL);
+    sim.wait();
+    no_process_is_left(&folder);
+    assert!(!folder.leftovers().is_empty());
+    folder.sim(&run).expect_clean();
+    assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
+}
+
+#[test]
 fn a_second_signal_loses_nothing() {
     let folder = folder();
     let sim = two_running(&folder);

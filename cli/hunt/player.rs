@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, anyhow};
-use rigsim_pty::paths::Results;
+use rigsim_pty::paths::{Held, Results};
 use rigsim_runner::Outcome;
 use rigsim_runner::run::{FailureKind, Margin};
 use rigsim_runner::trace::Record;
@@ -22,7 +22,9 @@ use crate::digest::digest;
 use crate::exit::Failure;
 use crate::json_lines::Lines;
 use crate::print::complain;
-use crate::run::{Case, CaseResult, Plan, Verdict, play_quietly, signature, stop_by_signals};
+use crate::run::{
+    Case, CaseResult, Plan, Verdict, play_quietly, scratch, signature, stop_by_signals,
+};
 use crate::scenario_files::{Given, Loaded, load_text};
 use crate::visible;
 
@@ -103,7 +105,7 @@ pub(super) struct Player<'a> {
     args: RunArgs,
     given: &'a Given<'a>,
     pub(super) folder: PathBuf,
-    scratch: tempfile::TempDir,
+    scratch: Held,
     stop: Arc<AtomicBool>,
     threads: usize,
     pub(super) seed: u64,
@@ -132,7 +134,7 @@ impl<'a> Player<'a> {
             args,
             given,
             folder: folder.to_owned(),
-            scratch: tempfile::tempdir().map_err(Failure::system)?,
+            scratch: scratch().map_err(Failure::system)?,
             stop: stop_by_signals()?,
             threads,
             journal: None,

@@ -1,5 +1,5 @@
-//! The folder of a run's ports, which has the same name each time: a client that prints where its
-//! port is prints the same each time.
+//! Temporary folders, which are removed even if the run is killed. That of a run's ports has the same name each
+//! time: a client that prints where its port is prints the same each time.
 
 use std::hash::Hasher as _;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use rigsim_pty::paths::{Held, held_in, private_folder};
 
 use super::case::Case;
 
-/// Most runs of the same that may go on at the same time.
+/// Most folders of the same name at a time.
 const MOST: u32 = 1000;
 
 /// Removes what runs that were killed have left.
@@ -21,7 +21,6 @@ pub(crate) fn sweep() {
 
 /// Makes the folder for the ports of a case.
 pub(crate) fn take(case: &Case<'_>) -> anyhow::Result<Held> {
-    let all = all()?;
     let mut name = std::hash::DefaultHasher::new();
     name.write(case.name().as_bytes());
     name.write_u64(case.seed);
@@ -30,17 +29,29 @@ pub(crate) fn take(case: &Case<'_>) -> anyhow::Result<Held> {
         case.loaded.stem().to_string_lossy(),
         name.finish() & 0xFFFF_FFFF
     );
+    held(&name).with_context(|| format!("cannot make a folder for the ports of {}", case.name()))
+}
+
+/// Makes a folder for files that nothing needs afterwards, and removes what runs that were killed have left.
+pub(crate) fn scratch() -> anyhow::Result<Held> {
+    sweep();
+    held(&format!("scratch-{}", std::process::id())).context("cannot make a folder for recordings")
+}
+
+/// Makes a folder of this name, with a number behind it if others go on.
+fn held(name: &str) -> anyhow::Result<Held> {
+    let all = all()?;
     for number in 1..=MOST {
         let name = match number {
-            1 => name.clone(),
+            1 => name.to_owned(),
             _ => format!("{name}-{number}"),
         };
         match Held::folder(&all.join(&name)) {
             Err(PortErrorKind::InUse(_)) => {}
-            held => return held.context("cannot make a folder for the ports"),
+            held => return Ok(held?),
         }
     }
-    anyhow::bail!("{MOST} runs of {} go on already", case.name())
+    anyhow::bail!("{MOST} of the same go on already")
 }
 
 fn all() -> anyhow::Result<PathBuf> {

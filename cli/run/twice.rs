@@ -9,16 +9,14 @@ use anyhow::Context as _;
 use crate::exit::Failure;
 
 use super::case::{Case, CaseResult, Verdict};
-use super::{lockstep, tell};
+use super::{folder, lockstep, tell};
 
 /// Compared files: the ends of the files' names, and what is in them.
 const COMPARED: [(&str, &str); 2] = [("trace.jsonl", "trace"), ("client.log", "client's output")];
 
 /// Plays it two times; a difference fails it. The files that stay are those of the second.
 pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
-    let scratch = tempfile::tempdir()
-        .context("cannot make a folder for the traces")
-        .map_err(Failure::system)?;
+    let scratch = folder::scratch().map_err(Failure::system)?;
     let asked = case;
     let mut case = asked.clone();
     if case.output.is_none() {
