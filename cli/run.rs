@@ -35,8 +35,8 @@ use crate::scenario_files::{Given, Loaded, find, load_all};
 use crate::supervise::adopt_orphans;
 use crate::visible;
 
-use campaign::Results;
-use junit::Junit;
+use campaign::{Known, Results};
+use junit::{Earlier, Junit};
 use page::Page;
 use view::View;
 
@@ -93,11 +93,12 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         all: cases.len(),
         of: BTreeMap::new(),
     };
+    let mut earlier = Vec::new();
     let results = match &args.results {
         Some(folder) => {
             let plan = Plan::new(args, shard.of, &loaded)?;
             let (results, known) = campaign::resume(folder, shard, plan)?;
-            leave_out_known(&mut cases, &known, &mut counts);
+            earlier = leave_out_known(&mut cases, known, &mut counts);
             Some(results)
         }
         None => None,
@@ -116,7 +117,9 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
             cases.len() as u64,
             "{bar:30} {pos}/{len} scenarios, {elapsed}",
         ),
-        junit: junit.map(|path| Junit::begin(path, &cases)).transpose()?,
+        junit: junit
+            .map(|path| Junit::begin(path, &cases, earlier))
+            .transpose()?,
         page: page.as_ref(),
         results,
         scratch,
@@ -171,17 +174,25 @@ fn cases<'a>(args: &'a RunArgs, loaded: &'a [Loaded]) -> (Vec<Case<'a>>, Shard) 
 
 /// Takes out the cases whose verdicts are known. They count: a shard that failed and is started again
 /// has still failed.
-fn leave_out_known(cases: &mut Vec<Case<'_>>, known: &[Option<Verdict>], counts: &mut Counts) {
-    let before = cases.len();
-    cases.retain(|case| {
-        let verdict = known[case.number];
-        verdict.into_iter().for_each(|verdict| counts.add(verdict));
-        verdict.is_none()
-    });
-    if cases.len() < before {
-        let count = before - cases.len();
-        complain(&format!("{count} cases have a verdict already"));
+fn leave_out_known<'a>(
+    cases: &mut Vec<Case<'a>>,
+    mut known: Known,
+    counts: &mut Counts,
+) -> Vec<Earlier<'a>> {
+    let mut earlier = Vec::new();
+    for case in std::mem::take(cases) {
+        match known[case.number].take() {
+            Some((verdict, what)) => {
+                counts.add(verdict);
+                earlier.push((case, verdict, what));
+            }
+            None => cases.push(case),
+        }
     }
+    if !earlier.is_empty() {
+        complain(&format!("{} cases have a verdict already", earlier.len()));
+    }
+    earlier
 }
 
 /// Refuses flags that the time of the run has no use for.

@@ -264,7 +264,11 @@ fn what_a_killed_shard_wrote_is_not_played_again() {
     assert_eq!(exit, 3);
     assert!(printed.contains("has no end"), "{printed}");
 
-    let output = campaign.play("1/1", "torn", &[]);
+    let output = campaign.play("1/1", "torn", &["--junit", "junit.xml"]);
+    // The file of the shard has all of its cases, also those of the first attempt.
+    let junit = fs::read_to_string(campaign.path("junit.xml")).unwrap();
+    assert_eq!(junit.matches("<testcase ").count(), 30);
+    assert_eq!(junit.matches("<failure ").count(), 10);
     assert!(
         text(&output).contains(&format!("{known} cases have a verdict already")),
         "{}",

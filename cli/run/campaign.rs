@@ -25,15 +25,14 @@ use merged::Merged;
 pub(crate) use plan::Plan;
 pub(crate) use results::Results;
 
-/// Begins another attempt of a shard in a folder. Returns also the verdicts of the plan's cases that have one.
+/// Of each case of a plan the verdict, if it has one, and what failed.
+pub(crate) type Known = Vec<Option<(Verdict, String)>>;
+
+/// Begins another attempt of a shard in a folder. Returns also what is known.
 ///
 /// # Errors
 /// When the folder has results of another plan, or cannot be read or written.
-pub(crate) fn resume(
-    folder: &Path,
-    shard: Shard,
-    plan: Plan,
-) -> Result<(Results, Vec<Option<Verdict>>), Failure> {
+pub(crate) fn resume(folder: &Path, shard: Shard, plan: Plan) -> Result<(Results, Known), Failure> {
     let paths = fs::create_dir_all(folder).and_then(|()| results::files(folder));
     let paths = paths
         .with_context(|| format!("cannot keep results in {}", visible::name(folder)))

@@ -24,12 +24,15 @@ const RARELY: u32 = 20;
 /// By these a file is known that may be replaced.
 pub(super) const MARKS: &[&str] = &["<testsuites", "<testsuite "];
 
+/// A case that an earlier attempt has played, its verdict, and what failed.
+pub(super) type Earlier<'a> = (Case<'a>, Verdict, String);
+
 /// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a
 /// whole document.
 pub(crate) struct Junit<'a> {
     to: OutputFile,
     cases: &'a [Case<'a>],
-    /// By the places of their cases.
+    /// By the numbers of their cases.
     known: BTreeMap<usize, TestSuite>,
     /// Time at which it was written, and how long that took.
     written: Option<(Instant, Duration)>,
@@ -42,11 +45,20 @@ impl<'a> Junit<'a> {
     ///
     /// # Errors
     /// When it cannot be written, or something else is there that is no file of results.
-    pub(crate) fn begin(path: &Path, cases: &'a [Case<'a>]) -> Result<Self, Failure> {
+    pub(crate) fn begin(
+        path: &Path,
+        cases: &'a [Case<'a>],
+        earlier: Vec<Earlier<'_>>,
+    ) -> Result<Self, Failure> {
+        let suite = |(case, verdict, what): Earlier<'_>| {
+            let reason = Some(what).filter(|what| !what.is_empty());
+            let suite = suite_of(&case, &case.name(), &View::bare(verdict, reason), None);
+            (case.number, suite)
+        };
         let mut junit = Self {
             to: OutputFile::find(path, MARKS)?,
             cases,
-            known: BTreeMap::new(),
+            known: earlier.into_iter().map(suite).collect(),
             written: None,
             is_behind: true,
         };
@@ -61,7 +73,7 @@ impl<'a> Junit<'a> {
         let case = &self.cases[index];
         let view = View::new(&case.loaded.scenario, result, case.is_live());
         let suite = suite_of(case, &case.name(), &view, Some(result));
-        self.known.insert(index, suite);
+        self.known.insert(case.number, suite);
         self.is_behind = true;
         self.catch_up()
     }
@@ -89,8 +101,9 @@ impl<'a> Junit<'a> {
 
     fn write(&mut self) -> Result<(), Failure> {
         let begun = Instant::now();
-        let unplayed = unplayed(self.cases, |index| self.known.contains_key(&index));
-        let (places, mut suites): (Vec<usize>, Vec<TestSuite>) =
+        let is_known = |index: usize| self.known.contains_key(&self.cases[index].number);
+        let unplayed = unplayed(self.cases, is_known);
+        let (numbers, mut suites): (Vec<usize>, Vec<TestSuite>) =
             std::mem::take(&mut self.known).into_iter().unzip();
         suites.extend(unplayed.iter().map(|one| {
             let view = View::unplayed(one.count);
@@ -99,7 +112,7 @@ impl<'a> Junit<'a> {
         let mut report = Report::new("sim");
         report.test_suites = suites;
         let text = document(&mut report).map_err(Failure::system)?;
-        self.known = places.into_iter().zip(report.test_suites).collect();
+        self.known = numbers.into_iter().zip(report.test_suites).collect();
         self.to.write(&text)?;
         self.written = Some((Instant::now(), begun.elapsed()));
         self.is_behind = false;

@@ -181,10 +181,12 @@ impl Merged {
         }
     }
 
-    /// Returns the verdicts of all cases that have one.
-    pub(super) fn verdicts(&self) -> Vec<Option<Verdict>> {
-        let verdicts = self.cases.iter().map(|known| Some((*known)?.verdict));
-        let is_verdict = |verdict: &Verdict| *verdict < Verdict::Error;
-        verdicts.map(|one| one.filter(is_verdict)).collect()
+    /// Returns the verdicts of all cases that have one, each with what failed.
+    pub(super) fn verdicts(&self) -> Vec<Option<(Verdict, String)>> {
+        let verdict = |known: &Option<Known>| {
+            let ((verdict, what), _) = self.kinds.get_index(known.as_ref()?.kind)?;
+            (*verdict < Verdict::Error).then(|| (*verdict, what.clone()))
+        };
+        self.cases.iter().map(verdict).collect()
     }
 }

@@ -74,7 +74,7 @@ fn every_prefix_can_be_read_and_attempts_never_overwrite_one_another() {
     }
     assert_eq!(most, 1000);
     let (_, known) = resume(folder.path(), Shard::WHOLE, plan()).unwrap();
-    assert_eq!(known, vec![Some(Verdict::Passed); 1000]);
+    assert_eq!(known, vec![Some((Verdict::Passed, String::new())); 1000]);
     assert_eq!(fs::read(&path).unwrap(), whole);
     assert_eq!(files(folder.path()).unwrap().len(), 2);
 }
