@@ -7,11 +7,11 @@ mod pcapng;
 mod perfetto;
 mod vcd;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, BufWriter};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
 
 use anyhow::{Context as _, anyhow};
@@ -19,26 +19,25 @@ use clap::ValueEnum;
 use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::event::Event;
-use rigsim_core::message::Sender;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
-use rigsim_runner::run::Probe;
+use rigsim_runner::run::{Probe, published};
 use rigsim_runner::scenario::NamedText;
 use rigsim_runner::trace::{Observer, Record};
 
 use crate::exit::Failure;
 use crate::print::complain;
-use crate::recording::{self, Played};
+use crate::recording::{self, Lines, Played};
 use crate::visible;
 
 pub(crate) use dissector::dissector;
-use frames::{Frame, Streams};
+use frames::{Frame, Streams, Way};
 
-/// Most frames and records that wait for the second run to come to their time.
+/// Most items that wait for others of earlier times: the bytes of a burst are recorded when the next begins.
 const MOST_WAITING: usize = 1 << 16;
-
 /// Interval at which values are read.
 const EVERY: Duration = Duration::from_millis(50);
+const VERSION: &str = concat!("sim ", env!("CARGO_PKG_VERSION"));
 
 /// A format of another tool; files end with its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -61,7 +60,7 @@ impl ExportFormat {
     }
 
     /// What stands near the beginning of such a file.
-    fn marks(self) -> &'static [&'static str] {
+    fn mark(self) -> &'static [&'static str] {
         match self {
             Self::Mcap => &["MCAP0\r\n"],
             Self::Pcapng => &["\n\r\r\n"],
@@ -73,21 +72,20 @@ impl ExportFormat {
     fn of(path: &Path) -> Result<Self, Failure> {
         let ending = path.extension().and_then(|ending| ending.to_str());
         Self::from_str(ending.unwrap_or_default(), false).map_err(|_| {
-            let all = Self::value_variants().iter().map(|format| format.name());
+            let all: Vec<String> = Self::value_variants().iter().map(|format| format.name()).collect();
+            let (path, all) = (visible::name(path), all.join(", "));
             Failure::usage(anyhow!(
-                "--export: the ending of {} names no format; allowed: {}. Or say it with --format",
-                visible::name(path),
-                all.collect::<Vec<_>>().join(", ")
+                "--export: the ending of {path} names no format; allowed: {all}. Or say it with --format"
             ))
         })
     }
 
-    fn writer(self, run: &Run, about: &About, out: Out) -> io::Result<Box<dyn Writer>> {
+    fn writer(self, run: &Run, about: About, out: Out) -> io::Result<Box<dyn Writer>> {
         Ok(match self {
             Self::Mcap => Box::new(mcap::Mcap::begin(run, about, out)?),
-            Self::Pcapng => Box::new(pcapng::Pcapng::begin(run, about, out)?),
-            Self::Perfetto => Box::new(perfetto::Perfetto::begin(run, about, out)?),
-            Self::Vcd => Box::new(vcd::Vcd::begin(run, about, out)?),
+            Self::Pcapng => Box::new(pcapng::Pcapng::begin(run, &about, out)?),
+            Self::Perfetto => Box::new(perfetto::Perfetto::begin(run, &about, out)?),
+            Self::Vcd => Box::new(vcd::Vcd::begin(run, &about, out)?),
         })
     }
 }
@@ -102,75 +100,107 @@ struct About {
     world: Option<NamedText>,
     /// The command that repeats it.
     command: String,
+    /// What the values are of, in their order.
+    groups: Vec<Group>,
 }
 
-/// Something in a recording, in the order of time.
-enum Item<'a> {
-    /// Something happened.
-    Event(&'a Event),
+/// Numbers that belong together.
+struct Group {
+    /// `None` for those that the client publishes.
+    device: Option<usize>,
+    /// Kind of the device.
+    kind: Option<&'static str>,
+    /// As in `/r150/truth`.
+    topic: String,
+    /// As in `truth`.
+    of: String,
+    /// Their names behind that, and their units.
+    fields: Vec<(String, String)>,
+    probes: Vec<Probe>,
+}
+
+/// Something in a recording.
+enum Item {
+    Event(Event),
     /// A frame or noise was on a line.
-    Frame(&'a Frame),
-    /// A line of the recording, events and poses aside.
-    Record(&'a Record),
-    /// The run, as it is now and then.
-    Values(&'a Run),
+    Frame(Frame),
+    /// Bytes were on a line.
+    Bytes(Way, Vec<(SimTime, u8)>),
+    /// A line of the recording; bytes, events and poses aside.
+    Record(Record),
+    /// The values of all groups.
+    Values(Vec<Number>),
+}
+
+struct Number {
+    number: f64,
+    /// It is finite, and not what it was before.
+    is_new: bool,
 }
 
 /// Writes one format.
 trait Writer {
-    fn take(&mut self, at: SimTime, item: &Item<'_>) -> io::Result<()>;
+    /// Takes what comes next.
+    fn take(&mut self, at: SimTime, item: Item) -> io::Result<()>;
+
+    /// The run has come to this time; what comes before it may be taken later.
+    fn draw(&mut self, at: SimTime, run: &Run) -> io::Result<()> {
+        let _ = (at, run);
+        Ok(())
+    }
 
     fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
-/// Numbers of a device that belong together.
-struct Group {
-    device: usize,
-    /// What they are of, as in `truth`.
-    of: &'static str,
-    probes: Vec<Probe>,
-}
-
-impl Group {
-    /// Of every device what it truly does, what it reports, and what its client does.
-    fn all(run: &Run) -> Vec<Self> {
-        let kinds = |device| ["truth", "reported", "client"].map(|of| (device, of));
-        let groups = (0..run.rig().devices()).flat_map(kinds);
-        let group = |(device, of)| {
-            let is_own = |probe: &Probe| {
-                probe.device == Some(device) && probe.name.split('.').nth(1) == Some(of)
-            };
-            let probes = run.probes().into_iter().filter(is_own).collect();
-            Self { device, of, probes }
+/// All numbers: of every device what it truly does, what it reports and what its client does, and what the
+/// client publishes.
+fn groups(run: &Run, published: &BTreeSet<String>) -> Vec<Group> {
+    let published = published.iter().filter_map(|name| run.probe(name).ok());
+    let mut groups: Vec<Group> = Vec::new();
+    for probe in run.probes().into_iter().chain(published) {
+        let device = probe.device;
+        let own = device.map(|device| &run.scenario().rig.devices[device]);
+        // The names of devices begin with that of their device.
+        let mut parts = probe
+            .name
+            .splitn(2 + own.iter().len(), '.')
+            .skip(own.iter().len());
+        let (Some(of @ ("truth" | "reported" | "client")), Some(name)) =
+            (parts.next(), parts.next())
+        else {
+            continue;
         };
-        groups.map(group).collect()
+        let field = (name.to_owned(), probe.unit.to_string());
+        let mut same = groups.iter_mut();
+        if let Some(group) = same.find(|group| group.device == device && group.of == of) {
+            group.fields.push(field);
+            group.probes.push(probe);
+        } else {
+            let topic = own.map_or_else(|| format!("/{of}"), |own| format!("/{}/{of}", own.name));
+            let kind = own.map(|own| own.device.id);
+            let (of, fields) = (of.to_owned(), vec![field]);
+            groups.push(Group {
+                device,
+                kind,
+                topic,
+                of,
+                fields,
+                probes: vec![probe],
+            });
+        }
     }
-
-    /// The last part of each name, with its unit.
-    fn fields(&self) -> impl Iterator<Item = (&str, String)> {
-        self.probes.iter().map(|probe| {
-            let name = probe.name.splitn(3, '.').nth(2);
-            (name.unwrap_or(&probe.name), probe.unit.to_string())
-        })
-    }
-
-    /// Their values, no numbers where there are none.
-    fn values(&self, run: &Run) -> impl Iterator<Item = f64> {
-        self.probes.iter().map(|probe| probe.number(run))
-    }
-}
-
-enum Waiting {
-    Frame(Frame),
-    Record(Record),
+    groups
 }
 
 /// Walks through a recording for a writer.
 struct Walk {
     writer: Box<dyn Writer>,
     streams: Streams,
-    /// Frames and records, which come before the second run reaches their times.
-    waiting: BTreeMap<(SimTime, u64), Waiting>,
+    probes: Vec<Probe>,
+    /// Values as they were last.
+    values: Vec<f64>,
+    /// What is not written yet, in the order of time.
+    waiting: BTreeMap<(SimTime, u64), Item>,
     number: u64,
     next: SimTime,
     /// The recording says what threads of the client waited for.
@@ -179,72 +209,61 @@ struct Walk {
 }
 
 impl Walk {
-    fn wait(&mut self, at: SimTime, what: Waiting) {
+    fn wait(&mut self, at: SimTime, item: Item) {
         self.number += 1;
-        self.waiting.insert((at, self.number), what);
+        self.waiting.insert((at, self.number), item);
         if self.waiting.len() > MOST_WAITING {
-            self.first_waiting();
+            self.write_first();
         }
     }
 
-    fn first_waiting(&mut self) {
-        if let Some(((at, _), what)) = self.waiting.pop_first() {
-            match &what {
-                Waiting::Frame(frame) => self.take(at, &Item::Frame(frame)),
-                Waiting::Record(record) => self.take(at, &Item::Record(record)),
-            }
-        }
-    }
-
-    fn catch_up(&mut self, to: SimTime) {
-        while self.waiting.keys().next().is_some_and(|(at, _)| *at <= to) {
-            self.first_waiting();
-        }
-    }
-
-    fn take(&mut self, at: SimTime, item: &Item<'_>) {
-        if self.written.is_ok() {
+    fn write_first(&mut self) {
+        if let Some(((at, _), item)) = self.waiting.pop_first()
+            && self.written.is_ok()
+        {
             self.written = self.writer.take(at, item);
         }
     }
 
     fn finish(mut self) -> io::Result<()> {
-        for frame in self.streams.rest() {
-            self.wait(frame.at, Waiting::Frame(frame));
+        for frame in std::mem::take(&mut self.streams).rest() {
+            self.wait(frame.at, Item::Frame(frame));
         }
-        self.catch_up(SimTime::MAX);
+        while !self.waiting.is_empty() {
+            self.write_first();
+        }
         self.written.and_then(|()| self.writer.finish())
     }
 }
 
 impl Observer for Walk {
     fn record(&mut self, record: &Record) {
-        let (t, bytes) = match record {
+        let (t, dt, way, bytes) = match record {
             Record::In { t, port, bytes } | Record::Host { t, port, bytes } => {
-                (t, Some((0, port, Sender::Client, bytes)))
+                (*t, 0, ((*port).into(), false), bytes)
             }
-            Record::Out { t, dt, port, bytes } => (t, Some((*dt, port, Sender::Device, bytes))),
+            Record::Out { t, dt, port, bytes } => (*t, *dt, ((*port).into(), true), bytes),
             Record::Step { t, .. }
             | Record::Wait { t, .. }
             | Record::Failure { t, .. }
-            | Record::End { t, .. } => (t, None),
+            | Record::End { t, .. } => {
+                self.has_waits |= matches!(record, Record::Wait { .. });
+                return self.wait(SimTime::from_nanos(*t), Item::Record(record.clone()));
+            }
             // What came of the others is events.
             _ => return,
         };
-        self.has_waits |= matches!(record, Record::Wait { .. });
-        self.wait(SimTime::from_nanos(*t), Waiting::Record(record.clone()));
-        if let Some((dt, port, sender, bytes)) = bytes {
-            let times = (0_u64..).map(|index| SimTime::from_nanos(t.saturating_add(index * dt)));
-            let bytes = times.zip(bytes.0.iter().copied());
-            for frame in self.streams.add((*port).into(), sender, bytes) {
-                self.wait(frame.at, Waiting::Frame(frame));
-            }
+        let times = (0..).map(|index: u64| t.saturating_add(index.saturating_mul(dt)));
+        let times = times.map(SimTime::from_nanos);
+        let bytes: Vec<_> = times.zip(bytes.0.iter().copied()).collect();
+        for frame in self.streams.add(way, &bytes) {
+            self.wait(frame.at, Item::Frame(frame));
         }
+        self.wait(SimTime::from_nanos(t), Item::Bytes(way, bytes));
     }
 
     fn event(&mut self, _: &Run, event: &Event) {
-        self.catch_up(event.at);
-        self.take(event.at, &Item::Event(event));
+        self.wait(event.at, Item::Event(event.clone()));
     }
 
     fn next_sample(&self) -> SimTime {
@@ -253,8 +272,16 @@ impl Observer for Walk {
 
     fn sample(&mut self, run: &Run) {
         let now = run.rig().now();
-        self.catch_up(now);
-        self.take(now, &Item::Values(run));
+        let read = |(probe, last): (&Probe, &mut f64)| {
+            let number = probe.number(run);
+            let is_new = number.is_finite() && std::mem::replace(last, number) != number;
+            Number { number, is_new }
+        };
+        let values = self.probes.iter().zip(&mut self.values).map(read).collect();
+        self.wait(now, Item::Values(values));
+        if self.written.is_ok() {
+            self.written = self.writer.draw(now, run);
+        }
         self.next = now + EVERY;
     }
 
@@ -272,20 +299,28 @@ pub(crate) fn export(
 ) -> Result<Played, Failure> {
     let format = format.map_or_else(|| ExportFormat::of(to), Ok)?;
     let failed = || format!("cannot write {}", visible::name(to));
+    let (client, date) = recording::client_time(trace)?;
     let walk = |run: &Run| {
-        let out = Results::at(to, format.marks()).and_then(Results::into_file);
+        let out = Results::at(to, format.mark()).and_then(Results::into_file);
         let out = BufWriter::new(out.with_context(failed).map_err(Failure::usage)?);
         let command = ["sim", "replay"].map(OsStr::new).into_iter();
+        let groups = groups(run, &published_in(trace)?);
+        let probes = groups.iter().flat_map(|group| group.probes.clone());
+        let probes: Vec<Probe> = probes.collect();
         let about = About {
-            date: date(trace)?,
+            date: date
+                .unwrap_or_else(|| midnight(trace))
+                .saturating_mul(1_000_000_000),
             world: recording::header(trace)?.and_then(|header| header.world),
             command: visible::command(command.chain([trace.as_os_str()])),
+            groups,
         };
-        let writer = format.writer(run, &about, out).with_context(failed);
-        let writer = writer.map_err(Failure::system)?;
+        let writer = format.writer(run, about, out).with_context(failed);
         Ok(Walk {
-            writer,
+            writer: writer.map_err(Failure::system)?,
             streams: Streams::new(run),
+            values: vec![f64::NAN; probes.len()],
+            probes,
             waiting: BTreeMap::new(),
             number: 0,
             next: SimTime::ZERO,
@@ -294,13 +329,10 @@ pub(crate) fn export(
         })
     };
     let (walk, played) = recording::view(devices, trace, walk)?;
-    if format == ExportFormat::Perfetto
-        && !walk.has_waits
-        && recording::client_time(trace)?.0 == "lockstep"
-    {
+    if format == ExportFormat::Perfetto && !walk.has_waits && client == "lockstep" {
+        let name = visible::name(trace);
         complain(&format!(
-            "{} says nothing of the client's threads: only a run with `--export perfetto-trace` records them",
-            visible::name(trace)
+            "{name} says nothing of the client's threads: only a run with `--export perfetto-trace` records them"
         ));
     }
     walk.finish()
@@ -316,28 +348,31 @@ pub(crate) fn export_beside(
     formats: &[ExportFormat],
 ) -> Result<(), Failure> {
     for format in formats {
-        let mut name = trace.as_os_str().to_owned();
-        if let Some(stem) = visible::name(trace).strip_suffix(".trace.jsonl") {
-            name.clear();
-            name.push(stem);
-        }
-        name.push(format!(".{}", format.name()));
+        // Behind `.trace.jsonl`.
+        let to = trace.with_extension("").with_extension(format.name());
         // A run that differs when it is played again is what `sim replay` finds.
-        let _played = export(devices, trace, &PathBuf::from(name), Some(*format))?;
+        let _played = export(devices, trace, &to, Some(*format))?;
     }
     Ok(())
 }
 
-/// Date at which the time of a recording begins, nanoseconds since 1970: that of its client, or midnight in UTC
-/// of the day on which the file was written.
-fn date(path: &Path) -> Result<u64, Failure> {
-    const DAY: u64 = 86_400;
-    let modified = path.metadata().and_then(|about| about.modified());
-    let since = modified
-        .ok()
-        .and_then(|at| at.duration_since(UNIX_EPOCH).ok());
-    let day = since.unwrap_or_default().as_secs() / DAY;
-    let (_, date) = recording::client_time(path)?;
-    let date = date.unwrap_or(day * DAY);
-    Ok(date.saturating_mul(1_000_000_000))
+/// Names of the numbers that the client publishes in a recording.
+fn published_in(trace: &Path) -> Result<BTreeSet<String>, Failure> {
+    let (mut lines, mut names) = (Lines::open(trace)?, BTreeSet::new());
+    while let Some(line) = lines.next()? {
+        if line.starts_with("{\"kind\":\"publish\"")
+            && let Ok(Record::Publish { line, .. }) = serde_json::from_str(line)
+        {
+            names.extend(published(&line));
+        }
+    }
+    Ok(names)
+}
+
+/// Midnight in UTC of the day on which a file was written, seconds since 1970.
+fn midnight(path: &Path) -> u64 {
+    let modified = path.metadata().and_then(|about| about.modified()).ok();
+    let since = modified.and_then(|at| at.duration_since(UNIX_EPOCH).ok());
+    let seconds = since.unwrap_or_default().as_secs();
+    seconds - seconds % 86_400
 }

@@ -77,7 +77,7 @@ use rigsim_settings::Source;
 pub use direct::{StepError, StepReport};
 pub use outcome::{Context, DeviceReport, Failure, FailureKind, FaultRecord, Margin, Outcome};
 pub use probe::Probe;
-pub use published::{MOST_LINE, PublishError};
+pub use published::{MOST_LINE, PublishError, published};
 
 use crate::condition::Situation;
 use crate::scenario::Scenario;

@@ -71,6 +71,87 @@ fn a_capture_has_a_packet_for_each_frame() {
     assert!(refused.err.contains("pcapng"), "{}", refused.err);
 }
 
+/// Times of the packets of a capture, ns.
+fn times(capture: &[u8]) -> Vec<u64> {
+    let number = |at: usize| u32::from_le_bytes(capture[at..at + 4].try_into().unwrap());
+    let (mut at, mut times) = (0, Vec::new());
+    while at < capture.len() {
+        if number(at) == 6 {
+            times.push(u64::from(number(at + 12)) << 32 | u64::from(number(at + 16)));
+        }
+        at += number(at + 4) as usize;
+    }
+    times
+}
+
+#[test]
+fn packets_and_bits_are_in_the_order_of_time() {
+    // A recording tells of a burst of bytes when the next begins.
+    let file = include_str!("../scenarios/mecanum/jobs/rectangle.toml");
+    let folder = Folder::with(&[("drive.toml", file)]);
+    let run = [
+        "run",
+        "--seed",
+        "1",
+        "--output",
+        ".",
+        "--export",
+        "pcapng,vcd",
+        "--export-all",
+    ];
+    folder
+        .sim(&[&run[..], &["drive.toml"]].concat())
+        .expect_clean();
+    let times = times(&fs::read(folder.file("drive.pcapng")).unwrap());
+    assert!(times.len() > 10 && times.is_sorted(), "{times:?}");
+    let vcd = folder.read("drive.vcd");
+    let stamps = vcd.lines().filter_map(|line| line.strip_prefix('#'));
+    let stamps: Vec<u64> = stamps.map(|stamp| stamp.parse().unwrap()).collect();
+    assert!(stamps.is_sorted());
+}
+
+#[test]
+fn what_a_client_publishes_is_exported() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let run = [
+        "run",
+        "--time",
+        "lockstep",
+        "--seed",
+        "1",
+        "--output",
+        ".",
+        "--export-all",
+    ];
+    let client =
+        "exec 3<>\"$SIM_R150_PORT\"; sleep 0.2; echo x=1.5 y=-2 >>\"$SIM_PUBLISH\"; sleep 1";
+    let formats = [
+        "--export",
+        "mcap,perfetto,vcd",
+        "drive.toml",
+        "--",
+        "sh",
+        "-c",
+        client,
+    ];
+    folder.sim(&[&run[..], &formats].concat());
+    let file = fs::read(folder.file("drive.mcap")).unwrap();
+    let all = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
+    let own = all.filter(|message| message.channel.topic == "/client");
+    let own: Vec<_> = own.map(|message| message.data.to_vec()).collect();
+    let encoded = |x: f64, y: f64| [&[9][..], &x.to_le_bytes(), &[17], &y.to_le_bytes()].concat();
+    assert_eq!(own.last().unwrap()[..], encoded(1.5, -2.0));
+    // It is not known before.
+    assert_eq!(own[0][..], encoded(f64::NAN, f64::NAN));
+    let vcd = folder.read("drive.vcd");
+    assert!(
+        vcd.contains("module client $end") && vcd.contains("\nr1.5 ") && vcd.contains("\nr-2 ")
+    );
+    let trace = fs::read(folder.file("drive.perfetto-trace")).unwrap();
+    let has = |text: &[u8]| trace.windows(text.len()).any(|part| part == text);
+    assert!(has(b"client.x") && has(&1.5_f64.to_le_bytes()));
+}
+
 #[test]
 fn a_recording_has_values_frames_and_the_scenario() {
     let comes = "[[step]]\nat = \"500 ms\"\nworld = { add = { circle = [{ at_m = [9, 9], radius = \"20 cm\" }] } }\n";

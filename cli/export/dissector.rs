@@ -65,47 +65,29 @@ fn field(offset: usize, field: &FieldInfo) -> Value {
         WireType::I32 => ("int32", None),
         WireType::Decimal { prefix } => ("int32", Some(prefix)),
     };
-    let mut value = json!({
+    json!({
         "name": field.name,
         "wire": wire,
         "size": field.wire.size(),
         "offset": offset,
-    });
-    let mut set = |key: &str, to: Value| value[key] = to;
-    if let Some(prefix) = prefix {
-        set("prefix", json!(prefix));
-    }
-    if let Some(count) = field.count {
-        set("count", json!(count));
-    }
-    if field.per > 1 {
-        set("per", json!(field.per));
-    }
-    if !field.unit.is_empty() {
-        set("unit", json!(field.unit));
-    }
-    if field.hex {
-        set("hex", json!(true));
-    }
-    if !field.bits.is_empty() {
-        set("bits", json!(field.bits));
-    }
-    if !field.values.is_empty() {
-        set("values", json!(field.values));
-    }
-    value
+        "prefix": prefix,
+        "count": field.count,
+        "per": Some(field.per).filter(|per| *per > 1),
+        "unit": Some(field.unit).filter(|unit| !unit.is_empty()),
+        "hex": field.hex.then_some(true),
+        "bits": Some(field.bits).filter(|bits| !bits.is_empty()),
+        "values": Some(field.values).filter(|values| !values.is_empty()),
+    })
 }
 
 /// A value as Lua writes it.
 fn lua(value: &Value, depth: usize) -> String {
     let wide = depth < 3;
     let around = |parts: Vec<String>| {
-        let (gap, end) = match wide && !parts.is_empty() {
-            true => (
-                format!("\n{}", "  ".repeat(depth + 1)),
-                format!("\n{}", "  ".repeat(depth)),
-            ),
-            false => (" ".to_owned(), " ".to_owned()),
+        let line = |depth| format!("\n{}", "  ".repeat(depth));
+        let [gap, end] = match wide && !parts.is_empty() {
+            true => [line(depth + 1), line(depth)],
+            false => [" ", " "].map(str::to_owned),
         };
         let parts: String = parts.iter().map(|part| format!("{gap}{part},")).collect();
         format!("{{{parts}{end}}}")
@@ -113,10 +95,13 @@ fn lua(value: &Value, depth: usize) -> String {
     match value {
         Value::Array(all) => around(all.iter().map(|one| lua(one, depth + 1)).collect()),
         Value::Object(all) => {
-            let pair = |(key, one): (&String, &Value)| format!("{key} = {}", lua(one, depth + 1));
-            around(all.iter().map(pair).collect())
+            // What is not there is nil.
+            let all = all.iter().filter(|(_, one)| !one.is_null());
+            around(
+                all.map(|(key, one)| format!("{key} = {}", lua(one, depth + 1)))
+                    .collect(),
+            )
         }
-        Value::Null => "nil".to_owned(),
         other => other.to_string(),
     }
 }

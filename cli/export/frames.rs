@@ -9,19 +9,22 @@ use rigsim_core::message::Sender;
 use rigsim_core::rig::PortId;
 use rigsim_runner::Run;
 
+/// A direction of a line: `true` is that of the replies.
+pub(super) type Way = (PortId, bool);
+
 /// Bytes that belong together on a line, as the client sent or received them.
 #[derive(Debug, Clone)]
 pub(super) struct Frame {
-    pub(super) port: PortId,
-    pub(super) sender: Sender,
+    pub(super) way: Way,
     /// Time of the last byte.
     pub(super) at: SimTime,
     pub(super) found: host::Frame,
     pub(super) is_noise: bool,
 }
 
-/// One direction of a line.
+/// Bytes of one direction of a line.
 struct Stream {
+    way: Way,
     reader: Box<dyn FrameReader>,
     is_text: bool,
     /// Bytes that are in no frame yet.
@@ -30,98 +33,77 @@ struct Stream {
 }
 
 impl Stream {
-    /// Adds bytes, and returns what they complete: the time of its last byte, and whether it is noise.
-    fn add(
-        &mut self,
-        bytes: impl Iterator<Item = (SimTime, u8)>,
-    ) -> Vec<(SimTime, host::Frame, bool)> {
-        let mut frames = Vec::new();
-        for (now, byte) in bytes {
-            self.bytes.push(byte);
-            for found in self.reader.push(now, byte) {
-                // What is found in a torn frame has been reported with that.
-                let is_new = self.bytes.starts_with(&found.bytes);
-                let count = if is_new {
-                    found.bytes.len()
-                } else {
-                    self.bytes.len()
-                };
-                self.bytes.drain(..count);
-                let ends_now = self.bytes.is_empty() && found.bytes.last() == Some(&byte);
-                if self.bytes.is_empty() && !ends_now {
-                    self.bytes.push(byte);
-                }
-                let at = if ends_now { now } else { self.last };
-                let is_noise = !self.is_text && found.command.is_none() && found.message.is_none();
-                frames.push((at, found, is_noise));
+    /// Adds a byte, and returns what ends with it or before it.
+    fn add(&mut self, now: SimTime, byte: u8) -> Vec<Frame> {
+        self.bytes.push(byte);
+        let before = std::mem::replace(&mut self.last, now);
+        let found = self.reader.push(now, byte).into_iter();
+        let mut frame = |found: host::Frame| {
+            // What is found in a torn frame has been reported with that.
+            let is_new = self.bytes.starts_with(&found.bytes);
+            let whole = self.bytes.len();
+            self.bytes
+                .drain(..if is_new { found.bytes.len() } else { whole });
+            let ends_now = self.bytes.is_empty() && found.bytes.last() == Some(&byte);
+            if self.bytes.is_empty() && !ends_now {
+                self.bytes.push(byte);
             }
-            self.last = now;
-        }
-        frames
+            Frame {
+                way: self.way,
+                at: if ends_now { now } else { before },
+                is_noise: !self.is_text && found.command.is_none() && found.message.is_none(),
+                found,
+            }
+        };
+        found.map(&mut frame).collect()
     }
 }
 
-/// All lines.
-pub(super) struct Streams(BTreeMap<(PortId, bool), Stream>);
+/// Both directions of all lines.
+#[derive(Default)]
+pub(super) struct Streams(BTreeMap<Way, Stream>);
 
 impl Streams {
     pub(super) fn new(run: &Run) -> Self {
-        let mut streams = BTreeMap::new();
-        for port in run.ports() {
-            let plan = &run.scenario().rig.devices[port.device];
-            let form = plan.device.links.get(port.link);
-            let form = form.map(|link| link.framing.form);
-            let Some(own) = plan.own_settings() else {
-                continue;
+        let ports = run.ports().iter();
+        let ways = ports.flat_map(|port| [(*port, false), (*port, true)]);
+        let stream = |way: Way| {
+            let plan = &run.scenario().rig.devices[way.0.device];
+            let sender = [Sender::Client, Sender::Device][usize::from(way.1)];
+            let stream = Stream {
+                way,
+                reader: (plan.device.host.frames)(way.0.link, sender, plan.own_settings()?),
+                is_text: matches!(plan.device.links[way.0.link].framing.form, Form::Lines),
+                bytes: Vec::new(),
+                last: SimTime::ZERO,
             };
-            for sender in [Sender::Client, Sender::Device] {
-                let stream = Stream {
-                    reader: (plan.device.host.frames)(port.link, sender, own),
-                    is_text: matches!(form, Some(Form::Lines)),
-                    bytes: Vec::new(),
-                    last: SimTime::ZERO,
-                };
-                streams.insert((*port, sender == Sender::Device), stream);
-            }
-        }
-        Self(streams)
+            Some((way, stream))
+        };
+        Self(ways.filter_map(stream).collect())
     }
 
-    /// Adds bytes, each with its time, and returns the frames that they complete.
-    pub(super) fn add(
-        &mut self,
-        port: PortId,
-        sender: Sender,
-        bytes: impl Iterator<Item = (SimTime, u8)>,
-    ) -> Vec<Frame> {
-        let stream = self.0.get_mut(&(port, sender == Sender::Device));
-        let found = stream.map_or_else(Vec::new, |stream| stream.add(bytes));
-        let frame = |(at, found, is_noise)| Frame {
-            port,
-            sender,
-            at,
-            found,
-            is_noise,
+    /// Adds bytes with their times, and returns the frames that they complete.
+    pub(super) fn add(&mut self, way: Way, bytes: &[(SimTime, u8)]) -> Vec<Frame> {
+        let stream = self.0.get_mut(&way).into_iter();
+        let add = |stream: &mut Stream| {
+            let frames = bytes.iter().flat_map(|(at, byte)| stream.add(*at, *byte));
+            frames.collect::<Vec<_>>()
         };
-        found.into_iter().map(frame).collect()
+        stream.flat_map(add).collect()
     }
 
     /// Returns what was begun and never finished.
-    pub(super) fn rest(&mut self) -> Vec<Frame> {
-        let streams = self.0.iter_mut();
-        let streams = streams.filter(|(_, stream)| !stream.bytes.is_empty());
-        let rest = streams.map(|((port, to_client), stream)| Frame {
-            port: *port,
-            sender: if *to_client {
-                Sender::Device
-            } else {
-                Sender::Client
-            },
+    pub(super) fn rest(self) -> impl Iterator<Item = Frame> {
+        let begun = self
+            .0
+            .into_values()
+            .filter(|stream| !stream.bytes.is_empty());
+        begun.map(|stream| Frame {
+            way: stream.way,
             at: stream.last,
-            found: host::Frame::none(std::mem::take(&mut stream.bytes)),
+            found: host::Frame::none(stream.bytes),
             is_noise: true,
-        });
-        rest.collect()
+        })
     }
 }
 

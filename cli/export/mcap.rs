@@ -8,25 +8,25 @@ use ::mcap::records::{MessageHeader, Metadata};
 use ::mcap::write::NoSeek;
 use ::mcap::{Attachment, McapResult, WriteOptions, Writer as File};
 use foxglove::messages::{
-    self as fg, Color, CubePrimitive, FrameTransform, LaserScan, LinePrimitive, Log, Point3,
-    PoseInFrame, Quaternion, SceneEntity, SceneUpdate, TextPrimitive, Timestamp, Vector3,
+    Color, CubePrimitive, FrameTransform, LaserScan, LinePrimitive, Log, Point3, Pose, PoseInFrame,
+    Quaternion, SceneEntity, SceneUpdate, TextPrimitive, Timestamp, Vector3,
+    line_primitive::Type as Form, log::Level as Kind,
 };
 use foxglove::{Encode, Schema};
-use prost::Message as _;
+use prost::Message;
 use prost::encoding::{bool, bytes, double, string};
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use rigsim_core::SimTime;
 use rigsim_core::event::{Event, Level};
-use rigsim_core::message::Sender;
 use rigsim_physics::world::{Feature, FeatureKind};
+use rigsim_runner::Run;
 use rigsim_runner::trace::Record;
-use rigsim_runner::{Run, Scenario};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::frames::Frame;
-use super::{About, Group, Item, Out, Writer};
-use crate::control::outline;
+use super::{About, Item, Number, Out, VERSION, Writer};
+use crate::control::{drawing, outline};
 use crate::visible;
 
 const GREY: [f64; 3] = [0.5, 0.5, 0.5];
@@ -47,66 +47,57 @@ const LINE: [(&str, Type); 4] = [
 
 pub(super) struct Mcap {
     out: File<NoSeek<Out>>,
-    date: u64,
+    about: About,
     channels: BTreeMap<String, u16>,
+    /// Of the devices.
     names: Vec<String>,
-    groups: Vec<Group>,
-    /// Faults that are active, of each device, as they are drawn.
-    faults: Option<Vec<String>>,
-    about: BTreeMap<String, String>,
+    /// The world, and the faults that are active on each device, as they were drawn last.
+    drawn: Option<(Vec<LinePrimitive>, Vec<String>)>,
+    metadata: BTreeMap<String, String>,
     /// What the run was made of, as it was read.
     files: Vec<(String, String)>,
-    /// The world as it was drawn last.
-    world: Vec<LinePrimitive>,
-    failures: Vec<serde_json::Value>,
+    failures: Vec<Value>,
     counts: BTreeMap<&'static str, u64>,
 }
 
 impl Mcap {
-    pub(super) fn begin(run: &Run, about: &About, out: Out) -> io::Result<Self> {
+    pub(super) fn begin(run: &Run, about: About, out: Out) -> io::Result<Self> {
         let scenario = run.scenario();
-        let options = WriteOptions::new()
-            .disable_seeking(true)
-            .library(concat!("sim ", env!("CARGO_PKG_VERSION")));
-        let known = [
+        let options = WriteOptions::new().disable_seeking(true).library(VERSION);
+        let metadata = [
             ("command", about.command.clone()),
             ("seed", run.seed().to_string()),
             ("title", scenario.title.clone()),
         ];
+        // The scenario, the files that it is based on, and the world file.
+        let source = &scenario.source;
+        let others = source.base.iter().chain(&about.world);
+        let others = others.map(|other| (&other.file, &other.text));
+        let files = std::iter::once((&source.file, &source.text)).chain(others);
+        let devices = scenario.rig.devices.iter();
         Ok(Self {
             out: options.create(NoSeek::new(out)).map_err(io::Error::other)?,
-            date: about.date,
             channels: BTreeMap::new(),
-            names: scenario
-                .rig
-                .devices
-                .iter()
-                .map(|plan| plan.name.clone())
+            names: devices.map(|plan| plan.name.clone()).collect(),
+            drawn: None,
+            metadata: metadata.map(|(key, value)| (key.to_owned(), value)).into(),
+            files: files
+                .map(|(file, text)| (visible::name(file), text.clone()))
                 .collect(),
-            groups: Group::all(run),
-            faults: None,
-            about: known.map(|(key, value)| (key.to_owned(), value)).into(),
-            files: files(scenario, about),
-            world: Vec::new(),
             failures: Vec::new(),
             counts: BTreeMap::new(),
+            about,
         })
     }
 
-    fn put<M: Encode + prost::Message>(
+    fn put<M: Encode + Message>(
         &mut self,
         topic: &str,
         at: SimTime,
         message: &M,
     ) -> McapResult<()> {
         let schema = || M::get_schema().unwrap_or_else(|| Schema::new("", "", &[][..]));
-        self.put_bytes(
-            topic,
-            at,
-            &message.encode_to_vec(),
-            schema,
-            &BTreeMap::new(),
-        )
+        self.put_bytes(topic, at, &message.encode_to_vec(), schema, &[])
     }
 
     fn put_bytes(
@@ -115,7 +106,7 @@ impl Mcap {
         at: SimTime,
         data: &[u8],
         schema: impl FnOnce() -> Schema,
-        about: &BTreeMap<String, String>,
+        units: &[(String, String)],
     ) -> McapResult<()> {
         let channel_id = match self.channels.get(topic) {
             Some(channel) => *channel,
@@ -126,12 +117,13 @@ impl Mcap {
                     data,
                 } = schema();
                 let schema = self.out.add_schema(&name, &encoding, &data)?;
-                let channel = self.out.add_channel(schema, topic, "protobuf", about)?;
+                let units = units.iter().cloned().collect();
+                let channel = self.out.add_channel(schema, topic, "protobuf", &units)?;
                 self.channels.insert(topic.to_owned(), channel);
                 channel
             }
         };
-        let log_time = self.date.saturating_add(at.as_nanos());
+        let log_time = self.about.date.saturating_add(at.as_nanos());
         let header = MessageHeader {
             channel_id,
             sequence: 0,
@@ -142,80 +134,88 @@ impl Mcap {
     }
 
     fn time(&self, at: SimTime) -> Option<Timestamp> {
-        let time = self.date.saturating_add(at.as_nanos());
+        let time = self.about.date.saturating_add(at.as_nanos());
         let seconds = u32::try_from(time / 1_000_000_000).ok()?;
         Timestamp::new_checked(seconds, u32::try_from(time % 1_000_000_000).ok()?)
     }
 
-    fn values(&mut self, at: SimTime, run: &Run) -> McapResult<()> {
-        for group in std::mem::take(&mut self.groups) {
-            let kind = run.rig().spec(group.device).map_or("", |spec| spec.id);
-            let topic = format!("/{}/{}", self.names[group.device], group.of);
+    fn values(&mut self, at: SimTime, values: &[Number]) -> McapResult<()> {
+        let groups = std::mem::take(&mut self.about.groups);
+        let mut values = values.iter();
+        for group in &groups {
             let mut data = Vec::new();
-            for (tag, value) in (1..).zip(group.values(run)) {
-                double::encode(tag, &value, &mut data);
+            for (tag, value) in (1..).zip(values.by_ref().take(group.fields.len())) {
+                double::encode(tag, &value.number, &mut data);
             }
-            let fields = || group.fields().map(|(name, _)| (name, Type::Double));
-            let message = || schema(&format!("{kind}_{}", group.of), fields());
-            let units = group.fields().map(|(name, unit)| (name.to_owned(), unit));
-            self.put_bytes(&topic, at, &data, message, &units.collect())?;
-            self.groups.push(group);
+            let kind = group
+                .kind
+                .map_or_else(String::new, |kind| format!("{kind}_"));
+            let fields = group
+                .fields
+                .iter()
+                .map(|(name, _)| (name.as_str(), Type::Double));
+            let schema = || schema(&format!("{kind}{}", group.of), fields);
+            self.put_bytes(&group.topic, at, &data, schema, &group.fields)?;
         }
-        let faults: Vec<String> = self.names.iter().map(|name| active(run, name)).collect();
+        self.about.groups = groups;
+        Ok(())
+    }
+
+    fn scenes(&mut self, at: SimTime, run: &Run) -> McapResult<()> {
         let world = world(run);
-        if self.faults.is_none() || self.world != world {
-            self.world.clone_from(&world);
+        let faults: Vec<String> = self.names.iter().map(|name| active(run, name)).collect();
+        let timestamp = self.time(at);
+        let drawn = self.drawn.replace((world.clone(), faults.clone()));
+        let scene = |entities| SceneUpdate {
+            entities,
+            ..SceneUpdate::default()
+        };
+        if drawn.as_ref().is_none_or(|(drawn, _)| *drawn != world) {
             let world = SceneEntity {
-                timestamp: self.time(at),
+                timestamp,
                 frame_id: "world".to_owned(),
                 id: "world".to_owned(),
                 lines: world,
                 ..SceneEntity::default()
             };
-            let world = SceneUpdate {
-                entities: vec![world],
-                ..SceneUpdate::default()
-            };
-            self.put("/world", at, &world)?;
+            self.put("/world", at, &scene(vec![world]))?;
         }
-        if self.faults.as_ref() != Some(&faults) {
-            let vehicle = |(index, text): (usize, &String)| {
-                vehicle(run, index, &self.names[index], text, self.time(at))
+        if drawn.is_none_or(|(_, drawn)| drawn != faults) {
+            let vehicles = self.names.iter().zip(&faults).enumerate();
+            let vehicle = |(index, (name, text)): (_, (&String, &String))| SceneEntity {
+                timestamp,
+                ..vehicle(run, index, name, text)
             };
-            let scene = SceneUpdate {
-                entities: faults.iter().enumerate().map(vehicle).collect(),
-                ..SceneUpdate::default()
-            };
-            self.put("/vehicles", at, &scene)?;
-            self.faults = Some(faults);
+            self.put("/vehicles", at, &scene(vehicles.map(vehicle).collect()))?;
         }
         for (device, name) in self.names.clone().into_iter().enumerate() {
             let place = run
                 .rig()
                 .motion(device)
-                .map_or_else(Default::default, |motion| motion.pose);
+                .map(|motion| motion.pose)
+                .unwrap_or_default();
             let pose = pose([place.x, place.y, 0.0], place.heading);
             let transform = FrameTransform {
-                timestamp: self.time(at),
+                timestamp,
                 parent_frame_id: "world".to_owned(),
                 child_frame_id: name.clone(),
                 translation: pose.position,
                 rotation: pose.orientation,
             };
             self.put("/tf", at, &transform)?;
-            let placed = PoseInFrame {
-                timestamp: self.time(at),
-                frame_id: "world".to_owned(),
-                pose: Some(pose),
-            };
-            self.put(&format!("/{name}/pose"), at, &placed)?;
-            let drawing = run
-                .rig()
-                .any_device(device)
-                .map(|device| device.plant().drawing());
-            for (index, ray) in drawing.unwrap_or_default().echoes.iter().enumerate() {
+            let (frame_id, pose) = ("world".to_owned(), Some(pose));
+            self.put(
+                &format!("/{name}/pose"),
+                at,
+                &PoseInFrame {
+                    timestamp,
+                    frame_id,
+                    pose,
+                },
+            )?;
+            for (index, ray) in drawing(run.rig(), device).echoes.iter().enumerate() {
                 let scan = LaserScan {
-                    timestamp: self.time(at),
+                    timestamp,
                     frame_id: name.clone(),
                     pose: Some(self::pose(
                         [ray.place[0], ray.place[1], HEIGHT],
@@ -233,68 +233,56 @@ impl Mcap {
     }
 
     fn frame(&mut self, at: SimTime, frame: &Frame) -> McapResult<()> {
-        let direction = match frame.sender {
-            Sender::Client => "request",
-            Sender::Device => "reply",
-        };
+        let (port, is_reply) = frame.way;
         let mut data = Vec::new();
+        let direction = if is_reply { "reply" } else { "request" };
         string::encode(1, &direction.to_owned(), &mut data);
         bytes::encode(2, &frame.found.bytes, &mut data);
         string::encode(3, &frame.found.show(), &mut data);
         bool::encode(4, &frame.is_noise, &mut data);
-        let name = &self.names[frame.port.device];
-        let topic = format!("/{name}/line_{}", frame.port.link);
-        let about = || schema("Line", LINE.into_iter());
-        self.put_bytes(&topic, at, &data, about, &BTreeMap::new())
+        let topic = format!("/{}/line_{}", self.names[port.device], port.link);
+        self.put_bytes(&topic, at, &data, || schema("Line", LINE.into_iter()), &[])
     }
 
-    fn event(&mut self, event: &Event) -> McapResult<()> {
+    fn event(&mut self, at: SimTime, event: &Event) -> McapResult<()> {
         let level = match event.kind.level() {
             Level::Traffic => return Ok(()),
-            Level::Notice => fg::log::Level::Info,
-            Level::Warning => fg::log::Level::Warning,
+            Level::Notice => Kind::Info,
+            Level::Warning => Kind::Warning,
         };
         let code = event.kind.code().as_str();
         *self.counts.entry(code).or_default() += 1;
         let name = self.names.get(event.device).cloned().unwrap_or_default();
-        self.log(event.at, level, name, format!("{} [{code}]", event.kind))
+        self.log(at, level, &name, format!("{} [{code}]", event.kind))
     }
 
-    fn log(
-        &mut self,
-        at: SimTime,
-        level: fg::log::Level,
-        name: String,
-        message: String,
-    ) -> McapResult<()> {
+    fn log(&mut self, at: SimTime, level: Kind, name: &str, message: String) -> McapResult<()> {
         let log = Log {
             timestamp: self.time(at),
             level: level.into(),
             message,
-            name,
+            name: name.to_owned(),
             ..Log::default()
         };
         self.put("/log", at, &log)
     }
 
-    fn record(&mut self, at: SimTime, record: &Record) -> McapResult<()> {
+    fn record(&mut self, at: SimTime, record: Record) -> McapResult<()> {
         match record {
-            Record::Step { step, what, .. } => {
-                let text = format!("step \"{step}\" {what}");
-                self.log(at, fg::log::Level::Info, "scenario".to_owned(), text)
-            }
+            Record::Step { step, what, .. } => self.log(
+                at,
+                Kind::Info,
+                "scenario",
+                format!("step \"{step}\" {what}"),
+            ),
             Record::Failure { step, what, .. } => {
-                self.failures
-                    .push(json!({"t": at.as_secs_f64(), "step": step, "what": what}));
-                self.log(
-                    at,
-                    fg::log::Level::Error,
-                    "scenario".to_owned(),
-                    what.clone(),
-                )
+                let failure = json!({"t": at.as_secs_f64(), "step": step, "what": what});
+                self.failures.push(failure);
+                self.log(at, Kind::Error, "scenario", what)
             }
             Record::End { passed, .. } => {
-                self.about.insert("passed".to_owned(), passed.to_string());
+                self.metadata
+                    .insert("passed".to_owned(), passed.to_string());
                 Ok(())
             }
             _ => Ok(()),
@@ -302,40 +290,44 @@ impl Mcap {
     }
 
     fn end(&mut self) -> McapResult<()> {
-        let report = json!({"run": self.about, "failures": self.failures, "events": self.counts});
-        let report = ("report.json".to_owned(), report.to_string());
-        let files = std::mem::take(&mut self.files).into_iter().chain([report]);
-        for (name, text) in files {
-            let media_type = match name.ends_with(".json") {
-                true => "application/json",
-                false => "application/toml",
+        let report =
+            json!({"run": self.metadata, "failures": self.failures, "events": self.counts});
+        self.files
+            .push(("report.json".to_owned(), report.to_string()));
+        for (name, text) in std::mem::take(&mut self.files) {
+            let format = if name.ends_with(".json") {
+                "json"
+            } else {
+                "toml"
             };
             self.out.attach(&Attachment {
-                log_time: self.date,
-                create_time: self.date,
+                log_time: self.about.date,
+                create_time: self.about.date,
                 name,
-                media_type: media_type.to_owned(),
+                media_type: format!("application/{format}"),
                 data: Cow::Owned(text.into_bytes()),
             })?;
         }
-        let metadata = std::mem::take(&mut self.about);
-        self.out.write_metadata(&Metadata {
-            name: "run".to_owned(),
-            metadata,
-        })?;
+        let (name, metadata) = ("run".to_owned(), std::mem::take(&mut self.metadata));
+        self.out.write_metadata(&Metadata { name, metadata })?;
         self.out.finish().map(|_| ())
     }
 }
 
 impl Writer for Mcap {
-    fn take(&mut self, at: SimTime, item: &Item<'_>) -> io::Result<()> {
+    fn take(&mut self, at: SimTime, item: Item) -> io::Result<()> {
         let taken = match item {
-            Item::Event(event) => self.event(event),
-            Item::Frame(frame) => self.frame(at, frame),
+            Item::Event(event) => self.event(at, &event),
+            Item::Frame(frame) => self.frame(at, &frame),
             Item::Record(record) => self.record(at, record),
-            Item::Values(run) => self.values(at, run),
+            Item::Values(values) => self.values(at, &values),
+            Item::Bytes(..) => Ok(()),
         };
         taken.map_err(io::Error::other)
+    }
+
+    fn draw(&mut self, at: SimTime, run: &Run) -> io::Result<()> {
+        self.scenes(at, run).map_err(io::Error::other)
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {
@@ -369,13 +361,14 @@ fn schema<'a>(name: &str, fields: impl Iterator<Item = (&'a str, Type)>) -> Sche
     Schema::new(format!("rigsim.{name}"), "protobuf", set.encode_to_vec())
 }
 
-fn pose([x, y, z]: [f64; 3], heading: f64) -> fg::Pose {
-    fg::Pose {
+fn pose([x, y, z]: [f64; 3], heading: f64) -> Pose {
+    Pose {
         position: Some(Vector3 { x, y, z }),
         orientation: Some(Quaternion {
+            x: 0.0,
+            y: 0.0,
             z: (heading / 2.0).sin(),
             w: (heading / 2.0).cos(),
-            ..Quaternion::default()
         }),
     }
 }
@@ -384,73 +377,49 @@ fn color([r, g, b]: [f64; 3], a: f64) -> Option<Color> {
     Some(Color { r, g, b, a })
 }
 
-/// The scenario, the files that it is based on, and the world file.
-fn files(scenario: &Scenario, about: &About) -> Vec<(String, String)> {
-    let source = &scenario.source;
-    let own = (&source.file, &source.text);
-    let others = source.base.iter().chain(&about.world);
-    let others = others.map(|other| (&other.file, &other.text));
-    let all = std::iter::once(own).chain(others);
-    all.map(|(file, text)| (visible::name(file), text.clone()))
-        .collect()
-}
-
 /// Everything that lies and stands around, as outlines.
 fn world(run: &Run) -> Vec<LinePrimitive> {
     let line = |feature: Feature| LinePrimitive {
-        r#type: fg::line_primitive::Type::LineLoop.into(),
+        r#type: Form::LineLoop.into(),
         thickness: 0.05,
         points: outline(&feature.shape)
-            .into_iter()
-            .map(|[x, y]| Point3 { x, y, z: 0.0 })
+            .iter()
+            .map(|[x, y]| Point3 {
+                x: *x,
+                y: *y,
+                z: 0.0,
+            })
             .collect(),
-        color: color(
-            match feature.kind {
-                FeatureKind::Obstacle => GREY,
-                FeatureKind::Strip | FeatureKind::Tag(_) => BLUE,
-                FeatureKind::Slope | FeatureKind::Friction(_) => BROWN,
-            },
-            1.0,
-        ),
+        color: match feature.kind {
+            FeatureKind::Obstacle => color(GREY, 1.0),
+            FeatureKind::Strip | FeatureKind::Tag(_) => color(BLUE, 1.0),
+            FeatureKind::Slope | FeatureKind::Friction(_) => color(BROWN, 1.0),
+        },
         ..LinePrimitive::default()
     };
     run.rig().world().features().map(line).collect()
 }
 
 /// A vehicle in its own frame: red, and with their names, while faults are active.
-fn vehicle(
-    run: &Run,
-    index: usize,
-    name: &str,
-    faults: &str,
-    timestamp: Option<Timestamp>,
-) -> SceneEntity {
-    let [length, width] = run
-        .rig()
-        .world()
-        .bodies()
-        .nth(index)
-        .map_or([0.0; 2], |(_, size)| size);
-    let cube = |[x, y]: [f64; 2], size: [f64; 3], paint| CubePrimitive {
-        pose: Some(pose([x, y, size[2] / 2.0], 0.0)),
+fn vehicle(run: &Run, index: usize, name: &str, faults: &str) -> SceneEntity {
+    let size = run.rig().world().bodies().nth(index).map(|(_, size)| size);
+    let cube = |[x, y]: [f64; 2], [length, width]: [f64; 2], height: f64, color| CubePrimitive {
+        pose: Some(pose([x, y, height / 2.0], 0.0)),
         size: Some(Vector3 {
-            x: size[0],
-            y: size[1],
-            z: size[2],
+            x: length,
+            y: width,
+            z: height,
         }),
-        color: paint,
+        color,
     };
     let paint = color(if faults.is_empty() { GREEN } else { RED }, 0.8);
-    let body = cube([0.0; 2], [length, width, HEIGHT], paint);
-    let drawing = run
-        .rig()
-        .any_device(index)
-        .map(|device| device.plant().drawing());
-    let wheels = drawing.unwrap_or_default().wheels.into_iter();
+    let body = cube([0.0; 2], size.unwrap_or_default(), HEIGHT, paint);
+    let wheels = drawing(run.rig(), index).wheels.into_iter();
     let wheels = wheels.map(|wheel| {
         cube(
             wheel.place,
-            [wheel.length, wheel.width, wheel.length],
+            [wheel.length, wheel.width],
+            wheel.length,
             color(GREY, 1.0),
         )
     });
@@ -463,7 +432,6 @@ fn vehicle(
         ..TextPrimitive::default()
     };
     SceneEntity {
-        timestamp,
         frame_id: name.to_owned(),
         id: name.to_owned(),
         frame_locked: true,

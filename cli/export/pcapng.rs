@@ -8,14 +8,13 @@ use std::io::{self, Write as _};
 use rigsim_core::SimTime;
 use rigsim_core::device::host;
 use rigsim_core::event::Event;
-use rigsim_core::message::Sender;
 use rigsim_core::rig::PortId;
 use rigsim_runner::Run;
 use rigsim_runner::trace::Record;
 
 use super::dissector::dissector_name;
 use super::frames::Frame;
-use super::{About, Item, Out, Writer};
+use super::{About, Item, Out, VERSION, Writer};
 use crate::log::Words;
 
 /// Packets that wait for comments: what they lead to comes a little later.
@@ -26,118 +25,105 @@ const UPPER_PDU: u16 = 252;
 const DISSECTOR: u16 = 12;
 const COMMENT: u16 = 1;
 
-struct Packet {
-    frame: Frame,
-    comments: Vec<String>,
-}
-
-/// A line as Wireshark knows it.
-struct Interface {
-    port: PortId,
-    dissector: String,
-}
-
 pub(super) struct Pcapng {
     out: Out,
     date: u64,
     words: Words,
-    interfaces: Vec<Interface>,
-    waiting: VecDeque<Packet>,
+    /// Lines as Wireshark knows them, with their dissectors.
+    interfaces: Vec<(PortId, String)>,
+    /// With their comments.
+    waiting: VecDeque<(Frame, Vec<String>)>,
 }
 
 impl Pcapng {
     pub(super) fn begin(run: &Run, about: &About, out: Out) -> io::Result<Self> {
-        let rig = &run.scenario().rig;
+        let scenario = run.scenario();
         let mut pcapng = Self {
             out,
             date: about.date,
-            words: Words::new(rig),
+            words: Words::new(&scenario.rig),
             interfaces: Vec::new(),
             waiting: VecDeque::new(),
         };
-        let mut section = Vec::new();
-        section.extend(0x1A2B_3C4D_u32.to_le_bytes());
-        section.extend([1, 0, 0, 0]);
-        section.extend((-1_i64).to_le_bytes());
-        let title = format!(
-            "{}, seed {}\n{}",
-            run.scenario().title,
-            run.seed(),
-            about.command
-        );
-        option(&mut section, COMMENT, title.as_bytes());
-        let program = concat!("sim ", env!("CARGO_PKG_VERSION"));
-        option(&mut section, 4, program.as_bytes());
-        pcapng.block(0x0A0D_0D0A, section)?;
-        for (device, plan) in rig.devices.iter().enumerate() {
-            for link in 0..run.rig().links(device) {
-                let name = match plan.device.links.get(link) {
-                    Some(spec) if link > 0 => format!("{}/{}", plan.name, spec.id),
-                    _ => plan.name.clone(),
-                };
-                let mut interface = Vec::new();
-                interface.extend(UPPER_PDU.to_le_bytes());
-                interface.extend([0; 6]);
-                option(&mut interface, 2, name.as_bytes());
-                // Times are in nanoseconds.
-                option(&mut interface, 9, &[9]);
-                pcapng.block(1, interface)?;
-                pcapng.interfaces.push(Interface {
-                    port: PortId { device, link },
-                    dissector: dissector_name(plan.device, link),
-                });
-            }
+        let title = format!("{}, seed {}\n{}", scenario.title, run.seed(), about.command);
+        let section = [
+            &0x1A2B_3C4D_u32.to_le_bytes()[..],
+            &[1, 0, 0, 0],
+            &[0xFF; 8],
+        ]
+        .concat();
+        pcapng.block(
+            0x0A0D_0D0A,
+            section,
+            &[(COMMENT, title.as_bytes()), (4, VERSION.as_bytes())],
+        )?;
+        for link in scenario.rig.links() {
+            let device = scenario.rig.devices[link.id.device].device;
+            let name = match link.id.link {
+                0 => link.device,
+                index => format!("{}/{}", link.device, device.links[index].id),
+            };
+            let interface = [&UPPER_PDU.to_le_bytes()[..], &[0; 6]].concat();
+            // Times are in nanoseconds.
+            pcapng.block(1, interface, &[(2, name.as_bytes()), (9, &[9])])?;
+            pcapng
+                .interfaces
+                .push((link.id, dissector_name(device, link.id.link)));
         }
         Ok(pcapng)
     }
 
-    fn block(&mut self, kind: u32, mut body: Vec<u8>) -> io::Result<()> {
-        // The end of its options.
-        body.extend([0; 4]);
-        let length = u32::try_from(body.len() + 12)
-            .unwrap_or(u32::MAX)
-            .to_le_bytes();
-        self.out.write_all(&kind.to_le_bytes())?;
-        self.out.write_all(&length)?;
-        self.out.write_all(&body)?;
-        self.out.write_all(&length)
+    fn block(&mut self, kind: u32, mut body: Vec<u8>, options: &[(u16, &[u8])]) -> io::Result<()> {
+        for (code, value) in options.iter().chain(&[(0, &[][..])]) {
+            let value = &value[..value.len().min(usize::from(u16::MAX))];
+            body.extend(
+                [
+                    code.to_le_bytes(),
+                    number::<u16, _>(value.len()).to_le_bytes(),
+                ]
+                .concat(),
+            );
+            body.extend(padded(value));
+        }
+        let length = number::<u32, _>(body.len() + 12).to_le_bytes();
+        self.out
+            .write_all(&[&kind.to_le_bytes(), &length, &body[..], &length].concat())
     }
 
-    fn packet(&mut self, packet: &Packet) -> io::Result<()> {
-        let frame = &packet.frame;
+    fn packet(&mut self, (frame, comments): &(Frame, Vec<String>)) -> io::Result<()> {
+        let (port, is_reply) = frame.way;
         let mut interfaces = self.interfaces.iter();
-        let Some(index) = interfaces.position(|one| one.port == frame.port) else {
+        let Some(index) = interfaces.position(|(own, _)| *own == port) else {
             return Ok(());
         };
-        let mut data = Vec::new();
-        let dissector = match frame.is_noise {
-            true => "data",
-            false => &self.interfaces[index].dissector,
+        let name = if frame.is_noise {
+            "data"
+        } else {
+            &self.interfaces[index].1
         };
-        let name = padded(dissector.as_bytes());
-        data.extend(DISSECTOR.to_be_bytes());
-        data.extend(u16::try_from(name.len()).unwrap_or(u16::MAX).to_be_bytes());
-        data.extend(name);
-        data.extend([0; 4]);
-        data.extend(&frame.found.bytes);
-
+        let name = padded(name.as_bytes());
+        let tag = [
+            DISSECTOR.to_be_bytes(),
+            number::<u16, _>(name.len()).to_be_bytes(),
+        ]
+        .concat();
+        let data = [&tag[..], &name, &[0; 4], &frame.found.bytes].concat();
         let time = self.date.saturating_add(frame.at.as_nanos());
-        let length = u32::try_from(data.len()).unwrap_or(u32::MAX);
-        let mut body = Vec::new();
-        body.extend(u32::try_from(index).unwrap_or(u32::MAX).to_le_bytes());
-        let [low, high] = [time & 0xFFFF_FFFF, time >> 32];
-        for half in [high, low] {
-            body.extend(u32::try_from(half).unwrap_or(u32::MAX).to_le_bytes());
-        }
-        body.extend([length.to_le_bytes(), length.to_le_bytes()].concat());
-        body.extend(padded(&data));
-        for comment in &packet.comments {
-            option(&mut body, COMMENT, comment.as_bytes());
-        }
+        let [high, low] = [time >> 32, time & 0xFFFF_FFFF].map(number);
+        let head = [
+            number(index),
+            high,
+            low,
+            number(data.len()),
+            number(data.len()),
+        ];
+        let body = [head.map(u32::to_le_bytes).concat(), padded(&data)].concat();
         // As the client's machine sees it: replies come in, requests go out.
-        let direction: u32 = if frame.sender == Sender::Device { 1 } else { 2 };
-        option(&mut body, 2, &direction.to_le_bytes());
-        self.block(6, body)
+        let direction: u32 = if is_reply { 1 } else { 2 };
+        let direction = direction.to_le_bytes();
+        let comments = comments.iter().map(|comment| (COMMENT, comment.as_bytes()));
+        let options: Vec<_> = comments.chain([(2, &direction[..])]).collect();
+        self.block(6, body, &options)
     }
 
     /// Comments on the newest packet that fits, or on an empty one.
@@ -149,77 +135,77 @@ impl Pcapng {
         fits: impl Fn(&Frame) -> bool,
     ) {
         let mut packets = self.waiting.iter_mut();
-        let packet = packets.rfind(|packet| packet.frame.at <= at && fits(&packet.frame));
-        if let Some(packet) = packet {
-            packet.comments.push(comment);
-            return;
+        if let Some((_, comments)) = packets.rfind(|(frame, _)| fits(frame)) {
+            return comments.push(comment);
         }
+        let (way, found) = ((port, true), host::Frame::none(Vec::new()));
         let frame = Frame {
-            port,
-            sender: Sender::Device,
+            way,
             at,
-            found: host::Frame::none(Vec::new()),
+            found,
             is_noise: true,
         };
-        self.waiting.push_back(Packet {
-            frame,
-            comments: vec![comment],
-        });
+        self.waiting.push_back((frame, vec![comment]));
     }
 
     fn event(&mut self, event: &Event) {
         let kind = &event.kind;
         let is_fault = kind.fault().is_some();
-        if !is_fault && !kind.is_client_error() {
-            return;
-        }
+        let device = event.device;
         let port = PortId {
-            device: event.device,
+            device,
             link: kind.link().unwrap_or(0),
         };
-        let fits = |frame: &Frame| match is_fault {
-            true => frame.port.device == port.device,
-            false => frame.port == port && frame.sender == Sender::Client,
-        };
-        self.comment(event.at, port, self.words.plain(event), fits);
+        if is_fault || kind.is_client_error() {
+            self.comment(
+                event.at,
+                port,
+                self.words.plain(event),
+                |frame| match is_fault {
+                    true => frame.way.0.device == device,
+                    false => frame.way == (port, false),
+                },
+            );
+        }
     }
 }
 
 impl Writer for Pcapng {
-    fn take(&mut self, at: SimTime, item: &Item<'_>) -> io::Result<()> {
+    fn take(&mut self, at: SimTime, item: Item) -> io::Result<()> {
         match item {
-            Item::Event(event) => self.event(event),
+            Item::Event(event) => self.event(&event),
             Item::Frame(frame) => {
                 let noise = frame
                     .is_noise
                     .then(|| "noise: bytes that are no frame".to_owned());
-                self.waiting.push_back(Packet {
-                    frame: (*frame).clone(),
-                    comments: noise.into_iter().collect(),
-                });
+                self.waiting.push_back((frame, noise.into_iter().collect()));
             }
             Item::Record(Record::Failure { step, what, .. }) => {
-                let step = step.as_ref().map(|step| format!("\"{step}\": "));
-                let text = format!("FAILED: {}{what}", step.unwrap_or_default());
+                let step = step.map(|step| format!("\"{step}\": ")).unwrap_or_default();
                 let port = PortId { device: 0, link: 0 };
-                self.comment(at, port, text, |_| true);
+                self.comment(at, port, format!("FAILED: {step}{what}"), |_| true);
             }
-            Item::Record(_) | Item::Values(_) => {}
+            _ => {}
         }
-        while self.waiting.len() > WAITING {
-            if let Some(packet) = self.waiting.pop_front() {
-                self.packet(&packet)?;
-            }
+        match self.waiting.len() > WAITING {
+            true => self
+                .waiting
+                .pop_front()
+                .map_or(Ok(()), |packet| self.packet(&packet)),
+            false => Ok(()),
         }
-        Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {
-        for packet in std::mem::take(&mut self.waiting) {
-            self.packet(&packet)?;
-        }
+        let rest = std::mem::take(&mut self.waiting);
+        rest.iter().try_for_each(|packet| self.packet(packet))?;
         self.out.flush()
     }
+}
+
+/// A number of the file, which is small.
+fn number<N: TryFrom<T> + Default, T>(number: T) -> N {
+    N::try_from(number).unwrap_or_default()
 }
 
 /// Bytes with zeros up to a multiple of four.
@@ -227,12 +213,4 @@ fn padded(bytes: &[u8]) -> Vec<u8> {
     let mut padded = bytes.to_vec();
     padded.resize(bytes.len().next_multiple_of(4), 0);
     padded
-}
-
-/// Adds an option, cut to what fits its length.
-fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
-    let value = &value[..value.len().min(usize::from(u16::MAX))];
-    body.extend(code.to_le_bytes());
-    body.extend(u16::try_from(value.len()).unwrap_or(u16::MAX).to_le_bytes());
-    body.extend(padded(value));
 }

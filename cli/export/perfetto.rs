@@ -6,16 +6,15 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{self, Write as _};
 use std::time::Duration;
 
-use prost::encoding::{bytes, double, fixed64, int32, int64, string, uint32, uint64};
+use prost::encoding::{bytes, double, fixed64, uint64};
 use rigsim_core::SimTime;
-use rigsim_core::event::{Event, Level, code};
-use rigsim_core::message::Sender;
+use rigsim_core::event::{Event, Hex, Level, code};
 use rigsim_core::rig::PortId;
 use rigsim_runner::Run;
 use rigsim_runner::trace::Record;
 
-use super::frames::Frame;
-use super::{About, Group, Item, Out, Writer};
+use super::frames::{Frame, Way};
+use super::{About, Item, Number, Out, Writer};
 
 /// A reply answers the oldest request of its command that is no older, or else the newest.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -24,42 +23,36 @@ pub(super) const MARK: &str = "version of sim";
 /// Bits of a byte on a line.
 const BITS: u64 = 10;
 /// Number of the client's process, which real ones need not have.
-const CLIENT: i32 = 1;
+const CLIENT: u64 = 1;
 
-/// What a track event says of its track, by the numbers of `TrackEvent.Type`.
-#[derive(Clone, Copy)]
-enum Kind {
-    Begin = 1,
-    End = 2,
-    Instant = 3,
-    Counter = 4,
-}
+/// What an event says of its track: `TrackEvent.Type`.
+const BEGIN: u64 = 1;
+const END: u64 = 2;
+const INSTANT: u64 = 3;
+const COUNTER: u64 = 4;
 
-/// One line of a device.
-struct Line {
-    /// Tracks of what the client sends and receives.
-    tracks: [u64; 2],
-    /// Times at which the last frames of both end, ns.
-    free: [u64; 2],
+/// One direction of a line.
+struct Side {
+    track: u64,
     /// Duration of a byte, ns.
     byte: u64,
-    /// Requests without a reply, by their commands: their times and flows.
-    open: BTreeMap<u8, VecDeque<(SimTime, u64)>>,
-    /// Flows of replies to which the next request is the reaction.
-    replied: Vec<u64>,
+    /// Time at which the last frame ends, ns.
+    free: u64,
 }
 
 pub(super) struct Perfetto {
     out: Out,
     /// By parent and name.
     tracks: BTreeMap<(u64, String), u64>,
-    /// Tracks of the devices.
     devices: Vec<u64>,
-    lines: BTreeMap<PortId, Line>,
-    groups: Vec<Group>,
-    /// Tracks of all values, and what they showed last.
-    shown: Vec<(u64, f64)>,
-    flows: u64,
+    sides: BTreeMap<Way, Side>,
+    counters: Vec<u64>,
+    /// Number of the last flow.
+    flow: u64,
+    /// Times and flows of requests without a reply, by their commands.
+    requests: BTreeMap<(PortId, u8), VecDeque<(SimTime, u64)>>,
+    /// Flows of replies to which the next request is the reaction.
+    replied: BTreeMap<PortId, Vec<u64>>,
     /// Tracks whose last slice has not ended.
     open: BTreeSet<u64>,
 }
@@ -70,192 +63,164 @@ impl Perfetto {
             out,
             tracks: BTreeMap::new(),
             devices: Vec::new(),
-            lines: BTreeMap::new(),
-            groups: Group::all(run),
-            shown: Vec::new(),
-            flows: 0,
+            sides: BTreeMap::new(),
+            counters: Vec::new(),
+            flow: 0,
+            requests: BTreeMap::new(),
+            replied: BTreeMap::new(),
             open: BTreeSet::new(),
         };
         let scenario = run.scenario();
-        let track = perfetto.track(0, "scenario", None)?;
-        perfetto.event(0, Kind::Instant, track, |event| {
-            add_argument(MARK, env!("CARGO_PKG_VERSION"), event);
-            add_argument("seed", &run.seed().to_string(), event);
-            add_argument("command", &about.command, event);
-            named(&scenario.title, "run", event);
-        })?;
+        let track = perfetto.track(0, "scenario", &[])?;
+        let mut about_run = argument(MARK, env!("CARGO_PKG_VERSION"));
+        about_run.extend(argument("seed", &run.seed().to_string()));
+        about_run.extend(argument("command", &about.command));
+        perfetto.event(
+            0,
+            INSTANT,
+            track,
+            &[&named("run", &scenario.title), &about_run],
+        )?;
         for plan in &scenario.rig.devices {
-            let track = perfetto.track(0, &plan.name, None)?;
+            let track = perfetto.track(0, &plan.name, &[])?;
             perfetto.devices.push(track);
         }
         for link in scenario.rig.links() {
-            let parent = perfetto.devices[link.id.device];
-            let name = |what: &str| match link.id.link {
-                0 => what.to_owned(),
-                _ => format!("{} {what}", link.name),
-            };
-            let line = Line {
-                tracks: [
-                    perfetto.track(parent, &name("requests"), None)?,
-                    perfetto.track(parent, &name("replies"), None)?,
-                ],
-                free: [0; 2],
-                byte: BITS * 1_000_000_000 / u64::from(link.baud.max(1)),
-                open: BTreeMap::new(),
-                replied: Vec::new(),
-            };
-            perfetto.lines.insert(link.id, line);
-        }
-        for group in std::mem::take(&mut perfetto.groups) {
-            let parent = perfetto.devices[group.device];
-            for (name, unit) in group.fields() {
-                let mut counter = Vec::new();
-                string::encode(6, &unit, &mut counter);
-                let name = format!("{}.{name}", group.of);
-                let track = perfetto.track(parent, &name, Some((8, counter)))?;
-                perfetto.shown.push((track, f64::NAN));
+            let byte = BITS * 1_000_000_000 / u64::from(link.baud.max(1));
+            for (is_reply, what) in [(false, "requests"), (true, "replies")] {
+                let name = match link.id.link {
+                    0 => what.to_owned(),
+                    _ => format!("{} {what}", link.name),
+                };
+                let track = perfetto.track(perfetto.devices[link.id.device], &name, &[])?;
+                perfetto.sides.insert(
+                    (link.id, is_reply),
+                    Side {
+                        track,
+                        byte,
+                        free: 0,
+                    },
+                );
             }
-            perfetto.groups.push(group);
+        }
+        for group in &about.groups {
+            let parent = group.device.map_or(0, |device| perfetto.devices[device]);
+            for (name, unit) in &group.fields {
+                let name = format!("{}.{name}", group.of);
+                let track = perfetto.track(
+                    parent,
+                    &name,
+                    &message(8, &[&message(6, &[unit.as_bytes()])]),
+                )?;
+                perfetto.counters.push(track);
+            }
         }
         Ok(perfetto)
     }
 
-    fn packet(&mut self, field: u32, data: &Vec<u8>, at: Option<u64>) -> io::Result<()> {
-        let (mut packet, mut whole) = (Vec::new(), Vec::new());
-        if let Some(at) = at {
-            uint64::encode(8, &at, &mut packet);
-        }
-        uint32::encode(10, &1, &mut packet);
-        bytes::encode(field, data, &mut packet);
-        bytes::encode(1, &packet, &mut whole);
-        self.out.write_all(&whole)
+    fn packet(&mut self, parts: &[&[u8]]) -> io::Result<()> {
+        let sequence = number(10, 1);
+        self.out
+            .write_all(&message(1, &[&sequence, &parts.concat()]))
     }
 
-    /// A track, which is described when it is first used; `kind` is a further field of its description.
-    fn track(&mut self, parent: u64, name: &str, kind: Option<(u32, Vec<u8>)>) -> io::Result<u64> {
+    /// A track, which is described when it is first used; `kind` is more of its description.
+    fn track(&mut self, parent: u64, name: &str, kind: &[u8]) -> io::Result<u64> {
         let next = self.tracks.len() as u64 + 1;
-        let key = (parent, name.to_owned());
-        if let Some(known) = self.tracks.get(&key) {
-            return Ok(*known);
+        let track = *self.tracks.entry((parent, name.to_owned())).or_insert(next);
+        if track == next {
+            let name = message(2, &[name.as_bytes()]);
+            let parent = if parent > 0 {
+                number(5, parent)
+            } else {
+                Vec::new()
+            };
+            self.packet(&[&message(60, &[&number(1, track), &name, &parent, kind])])?;
         }
-        self.tracks.insert(key, next);
-        let mut track = Vec::new();
-        uint64::encode(1, &next, &mut track);
-        string::encode(2, &name.to_owned(), &mut track);
-        if parent > 0 {
-            uint64::encode(5, &parent, &mut track);
-        }
-        if let Some((field, kind)) = kind {
-            bytes::encode(field, &kind, &mut track);
-        }
-        self.packet(60, &track, None)?;
-        Ok(next)
+        Ok(track)
     }
 
-    fn event(
-        &mut self,
-        at: u64,
-        kind: Kind,
-        track: u64,
-        more: impl FnOnce(&mut Vec<u8>),
-    ) -> io::Result<()> {
-        let mut event = Vec::new();
-        int32::encode(9, &(kind as i32), &mut event);
-        uint64::encode(11, &track, &mut event);
-        more(&mut event);
-        self.packet(11, &event, Some(at))
+    fn event(&mut self, at: u64, kind: u64, track: u64, more: &[&[u8]]) -> io::Result<()> {
+        let event = [&number(9, kind), &number(11, track), &more.concat()[..]].concat();
+        self.packet(&[&number(8, at), &message(11, &[&event])])
     }
 
     /// Ends the slice of a track, and begins one that ends with the next.
     fn next_slice(&mut self, at: u64, track: u64, next: Option<(&str, &str)>) -> io::Result<()> {
         if self.open.remove(&track) {
-            self.event(at, Kind::End, track, |_| ())?;
+            self.event(at, END, track, &[])?;
         }
-        if let Some((name, category)) = next {
+        if let Some((category, name)) = next {
             self.open.insert(track);
-            self.event(at, Kind::Begin, track, |event| named(name, category, event))?;
+            self.event(at, BEGIN, track, &[&named(category, name)])?;
         }
         Ok(())
     }
 
     fn frame(&mut self, frame: &Frame) -> io::Result<()> {
-        let Some(line) = self.lines.get_mut(&frame.port) else {
+        let Some(side) = self.sides.get_mut(&frame.way) else {
             return Ok(());
         };
-        let from_client = frame.sender == Sender::Client;
+        let (port, is_reply) = frame.way;
         let (at, long) = (
             frame.at.as_nanos(),
-            line.byte * frame.found.bytes.len() as u64,
+            side.byte * frame.found.bytes.len() as u64,
         );
         // What the client sends begins then; what it receives has arrived by then.
-        let begin = if from_client {
-            at
-        } else {
+        let begin = if is_reply {
             at.saturating_sub(long)
-        };
-        let side = usize::from(!from_client);
-        let begin = begin.max(line.free[side]);
-        let end = if from_client {
-            begin + long
         } else {
-            at.max(begin)
+            at
         };
-        line.free[side] = end;
+        let begin = begin.max(side.free);
+        let end = if is_reply {
+            at.max(begin)
+        } else {
+            begin + long
+        };
+        let track = side.track;
+        side.free = end;
 
         let (mut flows, mut ended) = (Vec::new(), Vec::new());
-        let message = frame.found.message.as_ref();
-        let command = frame.found.command.filter(|_| message.is_some());
-        match command {
-            Some(command) if from_client => {
-                self.flows += 1;
-                flows.push(self.flows);
-                ended.append(&mut line.replied);
-                let open = line.open.entry(command).or_default();
-                open.push_back((frame.at, self.flows));
+        let found = frame.found.message.as_ref();
+        if let Some(command) = frame.found.command.filter(|_| found.is_some()) {
+            let open = self.requests.entry((port, command)).or_default();
+            let replied = self.replied.entry(port).or_default();
+            let is_old = |(sent, _): &mut (SimTime, u64)| *sent + PATIENCE < frame.at;
+            while open.len() > 1 && open.pop_front_if(is_old).is_some() {}
+            if is_reply {
+                flows.extend(open.pop_front().map(|(_, flow)| flow));
+                replied.extend(&flows);
+            } else {
+                self.flow += 1;
+                flows.push(self.flow);
+                ended.append(replied);
+                open.push_back((frame.at, self.flow));
             }
-            Some(command) => {
-                let open = line.open.entry(command).or_default();
-                let is_old = |(sent, _): &mut (SimTime, u64)| *sent + PATIENCE < frame.at;
-                while open.len() > 1 && open.pop_front_if(is_old).is_some() {}
-                if let Some((_, flow)) = open.pop_front() {
-                    flows.push(flow);
-                    line.replied.push(flow);
-                }
-            }
-            None => {}
         }
-        let track = line.tracks[side];
-        let (name, category) = match (message, from_client) {
-            (Some((info, _)), true) => (info.name, "request"),
-            (Some((info, _)), false) => (info.name, "reply"),
-            (None, _) => ("no message", "noise"),
+        let (category, name) = match found {
+            Some((info, _)) if is_reply => ("reply", info.name),
+            Some((info, _)) => ("request", info.name),
+            None => ("noise", "no message"),
         };
-        let hex = frame.found.bytes.iter().map(|byte| format!("{byte:02X}"));
-        let hex: Vec<String> = hex.collect();
-        self.event(begin, Kind::Begin, track, |event| {
-            named(name, category, event);
-            add_argument("words", &frame.found.show(), event);
-            add_argument("bytes", &hex.join(" "), event);
-            fixed64::encode_repeated(47, &flows, event);
-            fixed64::encode_repeated(48, &ended, event);
-        })?;
-        self.event(end, Kind::End, track, |_| ())
+        let mut more = named(category, name);
+        more.extend(argument("words", &frame.found.show()));
+        more.extend(argument("bytes", &Hex(&frame.found.bytes).to_string()));
+        fixed64::encode_repeated(47, &flows, &mut more);
+        fixed64::encode_repeated(48, &ended, &mut more);
+        self.event(begin, BEGIN, track, &[&more])?;
+        self.event(end, END, track, &[])
     }
 
     fn happened(&mut self, event: &Event) -> io::Result<()> {
+        let (at, text) = (event.at.as_nanos(), event.kind.to_string());
         let device = self.devices.get(event.device).copied().unwrap_or_default();
-        let at = event.at.as_nanos();
         if let Some((name, id)) = event.kind.fault() {
-            let track = self.track(device, &format!("fault {name}"), None)?;
+            let track = self.track(device, &format!("fault {name}"), &[])?;
             return match event.kind.code() {
-                code::FAULT_ARMED => self.next_slice(at, track, Some((id, "fault"))),
+                code::FAULT_ARMED => self.next_slice(at, track, Some(("fault", id))),
                 code::FAULT_CLEARED => self.next_slice(at, track, None),
-                _ => {
-                    let text = event.kind.to_string();
-                    self.event(at, Kind::Instant, track, |event| {
-                        named(&text, "fault", event)
-                    })
-                }
+                _ => self.event(at, INSTANT, track, &[&named("fault", &text)]),
             };
         }
         let category = match event.kind.level() {
@@ -264,41 +229,36 @@ impl Perfetto {
             Level::Notice => "notice",
             Level::Warning => "warning",
         };
-        let track = self.track(device, "events", None)?;
-        self.event(at, Kind::Instant, track, |data| {
-            named(event.kind.code().as_str(), category, data);
-            add_argument("text", &event.kind.to_string(), data);
-        })
+        let track = self.track(device, "events", &[])?;
+        let named = named(category, event.kind.code().as_str());
+        self.event(at, INSTANT, track, &[&named, &argument("text", &text)])
     }
 
     fn record(&mut self, record: &Record) -> io::Result<()> {
-        let scenario = self.track(0, "scenario", None)?;
+        let scenario = self.track(0, "scenario", &[])?;
         match record {
             Record::Step { t, step, what } => {
-                let track = self.track(scenario, &format!("step {step}"), None)?;
-                let next = (what == "begun").then_some((step.as_str(), "step"));
+                let track = self.track(scenario, &format!("step {step}"), &[])?;
+                let next = (what == "begun").then_some(("step", step.as_str()));
                 self.next_slice(*t, track, next)
             }
-            Record::Failure { t, what, .. } => self.event(*t, Kind::Instant, scenario, |event| {
-                named(what, "failure", event)
-            }),
+            Record::Failure { t, what, .. } => {
+                self.event(*t, INSTANT, scenario, &[&named("failure", what)])
+            }
             Record::Wait {
                 t,
                 thread,
                 name,
                 wait,
             } => {
-                let (mut client, mut about) = (Vec::new(), Vec::new());
-                int32::encode(1, &CLIENT, &mut client);
-                string::encode(6, &"client".to_owned(), &mut client);
-                self.track(0, "client", Some((3, client)))?;
-                int32::encode(1, &CLIENT, &mut about);
-                int64::encode(2, &i64::try_from(*thread).unwrap_or(i64::MAX), &mut about);
-                string::encode(5, name, &mut about);
+                let process = number(1, CLIENT);
+                let client = message(6, &[b"client"]);
+                self.track(0, "client", &message(3, &[&process, &client]))?;
+                let about = [process, number(2, *thread), message(5, &[name.as_bytes()])];
                 // It belongs to its process by the number of that.
-                let track = self.track(0, &format!("thread {thread}"), Some((4, about)))?;
-                let next = (!wait.is_empty()).then_some((wait.as_str(), "wait"));
-                self.next_slice(*t, track, next)
+                let name = format!("thread {thread}");
+                let track = self.track(0, &name, &message(4, &[&about.concat()]))?;
+                self.next_slice(*t, track, (!wait.is_empty()).then_some(("wait", wait)))
             }
             Record::End { t, .. } => {
                 let mut open = self.open.clone().into_iter();
@@ -308,29 +268,24 @@ impl Perfetto {
         }
     }
 
-    fn values(&mut self, at: u64, run: &Run) -> io::Result<()> {
-        let values = self.groups.iter().flat_map(|group| group.values(run));
-        let values: Vec<f64> = values.collect();
-        for (index, value) in values.into_iter().enumerate() {
-            let (track, shown) = self.shown[index];
-            if value.is_finite() && value != shown {
-                self.shown[index].1 = value;
-                self.event(at, Kind::Counter, track, |event| {
-                    double::encode(44, &value, event)
-                })?;
-            }
+    fn values(&mut self, at: u64, values: &[Number]) -> io::Result<()> {
+        for (index, value) in values.iter().enumerate().filter(|(_, value)| value.is_new) {
+            let mut number = Vec::new();
+            double::encode(44, &value.number, &mut number);
+            self.event(at, COUNTER, self.counters[index], &[&number])?;
         }
         Ok(())
     }
 }
 
 impl Writer for Perfetto {
-    fn take(&mut self, at: SimTime, item: &Item<'_>) -> io::Result<()> {
+    fn take(&mut self, at: SimTime, item: Item) -> io::Result<()> {
         match item {
-            Item::Event(event) => self.happened(event),
-            Item::Frame(frame) => self.frame(frame),
-            Item::Record(record) => self.record(record),
-            Item::Values(run) => self.values(at.as_nanos(), run),
+            Item::Event(event) => self.happened(&event),
+            Item::Frame(frame) => self.frame(&frame),
+            Item::Record(record) => self.record(&record),
+            Item::Values(values) => self.values(at.as_nanos(), &values),
+            Item::Bytes(..) => Ok(()),
         }
     }
 
@@ -339,16 +294,35 @@ impl Writer for Perfetto {
     }
 }
 
-/// Adds name and category to a track event.
-fn named(name: &str, category: &str, event: &mut Vec<u8>) {
-    string::encode(22, &category.to_owned(), event);
-    string::encode(23, &name.to_owned(), event);
+fn number(field: u32, number: u64) -> Vec<u8> {
+    let mut data = Vec::new();
+    uint64::encode(field, &number, &mut data);
+    data
 }
 
-/// Adds an argument to a track event.
-fn add_argument(name: &str, text: &str, event: &mut Vec<u8>) {
-    let mut note = Vec::new();
-    string::encode(6, &text.to_owned(), &mut note);
-    string::encode(10, &name.to_owned(), &mut note);
-    bytes::encode(4, &note, event);
+/// A message or a text of these parts.
+fn message(field: u32, parts: &[&[u8]]) -> Vec<u8> {
+    let mut data = Vec::new();
+    bytes::encode(field, &parts.concat(), &mut data);
+    data
+}
+
+/// Category and name of a track event.
+fn named(category: &str, name: &str) -> Vec<u8> {
+    [
+        message(22, &[category.as_bytes()]),
+        message(23, &[name.as_bytes()]),
+    ]
+    .concat()
+}
+
+/// An argument of a track event.
+fn argument(name: &str, text: &str) -> Vec<u8> {
+    message(
+        4,
+        &[
+            &message(6, &[text.as_bytes()]),
+            &message(10, &[name.as_bytes()]),
+        ],
+    )
 }

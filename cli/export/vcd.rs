@@ -5,14 +5,11 @@ use std::io;
 
 use ::vcd::{Command, IdCode, TimescaleUnit, Value, VarType, Writer as File};
 use rigsim_core::SimTime;
-use rigsim_core::rig::PortId;
 use rigsim_runner::Run;
-use rigsim_runner::trace::Record;
 
-use super::{About, Group, Item, Out, Writer};
+use super::frames::Way;
+use super::{About, Item, Out, VERSION, Writer};
 
-/// A change waits as long as an earlier one may come: a byte is on the line before it arrives.
-const PATIENCE: u64 = 100_000_000;
 /// One start bit, eight data bits, one stop bit.
 const BITS: u64 = 10;
 
@@ -27,40 +24,33 @@ struct Wire {
 
 pub(super) struct Vcd {
     out: File<Out>,
-    wires: BTreeMap<(PortId, bool), Wire>,
-    groups: Vec<Group>,
-    /// The values of all groups, as they were written last.
-    shown: Vec<(IdCode, f64)>,
-    /// Changes that are not written yet, by their times in ns.
-    waiting: BTreeMap<u64, Vec<Command>>,
+    wires: BTreeMap<Way, Wire>,
+    values: Vec<IdCode>,
+    /// Bits that are still to come, by their times in ns.
+    bits: BTreeMap<u64, Vec<Command>>,
 }
 
 impl Vcd {
     pub(super) fn begin(run: &Run, about: &About, out: Out) -> io::Result<Self> {
         let mut out = File::new(out);
-        out.version(concat!("sim ", env!("CARGO_PKG_VERSION")))?;
+        out.version(VERSION)?;
         out.comment(&format!("seed {}, {}", run.seed(), about.command))?;
         out.timescale(1, TimescaleUnit::NS)?;
         let mut wires = BTreeMap::new();
         for link in run.scenario().rig.links() {
             out.add_module(&name(&format!("{}_{}", link.device, link.name)))?;
-            for (word, to_client) in [("tx", false), ("rx", true)] {
+            for (word, is_reply) in [("tx", false), ("rx", true)] {
                 let id = out.add_wire(1, word)?;
                 let bit = 1_000_000_000 / u64::from(link.baud.max(1));
-                wires.insert((link.id, to_client), Wire { id, bit, free: 0 });
+                wires.insert((link.id, is_reply), Wire { id, bit, free: 0 });
             }
             out.upscope()?;
         }
-        let groups = Group::all(run);
-        let mut shown = Vec::new();
-        for group in &groups {
-            let device = &run.scenario().rig.devices[group.device].name;
-            out.add_module(&name(&format!("{device}_{}", group.of)))?;
-            for (field, _) in group.fields() {
-                shown.push((
-                    out.add_var(VarType::Real, 64, &name(field), None)?,
-                    f64::NAN,
-                ));
+        let mut values = Vec::new();
+        for group in &about.groups {
+            out.add_module(&name(&group.topic[1..]))?;
+            for (field, _) in &group.fields {
+                values.push(out.add_var(VarType::Real, 64, &name(field), None)?);
             }
             out.upscope()?;
         }
@@ -68,54 +58,40 @@ impl Vcd {
         let idle = wires
             .values()
             .map(|wire| Command::ChangeScalar(wire.id, Value::V1));
+        let bits = BTreeMap::from([(0, idle.collect())]);
         Ok(Self {
             out,
-            waiting: BTreeMap::from([(0, idle.collect())]),
             wires,
-            groups,
-            shown,
+            values,
+            bits,
         })
     }
 
     /// Puts a byte on the line that has arrived at a time, or is sent from then on.
-    fn byte(&mut self, port: PortId, to_client: bool, at: u64, byte: u8) {
-        let Some(wire) = self.wires.get_mut(&(port, to_client)) else {
+    fn byte(&mut self, way: Way, at: u64, byte: u8) {
+        let Some(wire) = self.wires.get_mut(&way) else {
             return;
         };
-        let begin = if to_client {
-            at.saturating_sub(BITS * wire.bit)
-        } else {
-            at
-        };
+        let long = BITS * wire.bit;
+        let begin = if way.1 { at.saturating_sub(long) } else { at };
         let begin = begin.max(wire.free);
-        wire.free = begin + BITS * wire.bit;
+        wire.free = begin + long;
         let frame = (u64::from(byte) << 1) | (1 << (BITS - 1));
         let mut level = 1;
         for index in 0..BITS {
             let next = (frame >> index) & 1;
-            if next != level {
-                let changes = self.waiting.entry(begin + index * wire.bit).or_default();
+            if std::mem::replace(&mut level, next) != next {
+                let changes = self.bits.entry(begin + index * wire.bit).or_default();
                 changes.push(Command::ChangeScalar(wire.id, Value::from(next == 1)));
-            }
-            level = next;
-        }
-    }
-
-    fn values(&mut self, at: u64, run: &Run) {
-        let values = self.groups.iter().flat_map(|group| group.values(run));
-        for ((id, shown), value) in self.shown.iter_mut().zip(values) {
-            if value.is_finite() && *shown != value {
-                *shown = value;
-                let changes = self.waiting.entry(at).or_default();
-                changes.push(Command::ChangeReal(*id, value));
             }
         }
     }
 
     fn write_before(&mut self, end: u64) -> io::Result<()> {
-        while let Some(next) = self.waiting.first_entry().filter(|next| *next.key() < end) {
+        while let Some(next) = self.bits.first_entry().filter(|next| *next.key() < end) {
             self.out.timestamp(*next.key())?;
-            next.remove()
+            let changes = next.remove();
+            changes
                 .iter()
                 .try_for_each(|change| self.out.command(change))?;
         }
@@ -124,22 +100,27 @@ impl Vcd {
 }
 
 impl Writer for Vcd {
-    fn take(&mut self, at: SimTime, item: &Item<'_>) -> io::Result<()> {
+    fn take(&mut self, at: SimTime, item: Item) -> io::Result<()> {
         match item {
-            Item::Record(Record::In { t, port, bytes } | Record::Host { t, port, bytes }) => {
-                for byte in &bytes.0 {
-                    self.byte((*port).into(), false, *t, *byte);
+            Item::Bytes(way, bytes) => {
+                for (at, byte) in bytes {
+                    self.byte(way, at.as_nanos(), byte);
                 }
             }
-            Item::Record(Record::Out { t, dt, port, bytes }) => {
-                for (index, byte) in (0..).zip(&bytes.0) {
-                    self.byte((*port).into(), true, t + index * dt, *byte);
-                }
+            Item::Values(values) => {
+                let changed = self
+                    .values
+                    .iter()
+                    .zip(values)
+                    .filter(|(_, value)| value.is_new);
+                let change = changed.map(|(id, value)| Command::ChangeReal(*id, value.number));
+                self.bits.entry(at.as_nanos()).or_default().extend(change);
             }
-            Item::Values(run) => self.values(at.as_nanos(), run),
             _ => {}
         }
-        self.write_before(at.as_nanos().saturating_sub(PATIENCE))
+        // A byte is on the line before it arrives.
+        let slowest = self.wires.values().map(|wire| BITS * wire.bit).max();
+        self.write_before(at.as_nanos().saturating_sub(slowest.unwrap_or(0)))
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {

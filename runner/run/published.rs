@@ -109,6 +109,12 @@ impl Run {
     }
 }
 
+/// The names that conditions have for the numbers of a published line.
+pub fn published(line: &str) -> impl Iterator<Item = String> {
+    let numbers = numbers(line.trim()).into_iter().flatten();
+    numbers.map(|(name, _)| format!("{CLIENT}{name}"))
+}
+
 /// The numbers of a line by their names; `None` if it is something else.
 fn numbers(line: &str) -> Option<Vec<(String, f64)>> {
     if line.starts_with('{') {

@@ -23,6 +23,7 @@ fn a_frame_behind_a_torn_one_is_whole() {
     {
         for split in 0..torn.len() {
             let mut stream = Stream {
+                way: (rigsim_core::rig::PortId { device: 0, link: 0 }, false),
                 reader: (device.host.frames)(0, Sender::Client, own),
                 is_text: false,
                 bytes: Vec::new(),
@@ -31,14 +32,14 @@ fn a_frame_behind_a_torn_one_is_whole() {
             // All at once, and again when the client has given up what is torn.
             let bytes = [&torn[..split], whole].concat();
             let times = (1..).map(SimTime::from_nanos);
-            let mut found = stream.add(times.zip(bytes));
             let later = (1_000_000_000..).map(SimTime::from_nanos);
-            found.extend(stream.add(later.zip(whole.iter().copied())));
-            let good = found.iter().filter(|(_, frame, _)| frame.message.is_some());
-            let good: Vec<&[u8]> = good.map(|(_, frame, _)| &*frame.bytes).collect();
+            let all = times.zip(bytes).chain(later.zip(whole.iter().copied()));
+            let found: Vec<_> = all.flat_map(|(at, byte)| stream.add(at, byte)).collect();
+            let good = found.iter().filter(|frame| frame.found.message.is_some());
+            let good: Vec<&[u8]> = good.map(|frame| &*frame.found.bytes).collect();
             assert_eq!(good, [whole; 2], "{torn:02X?} torn after {split}");
             assert_eq!(
-                found[found.len() - 1].0.as_nanos(),
+                found[found.len() - 1].at.as_nanos(),
                 999_999_999 + whole.len() as u64
             );
             assert!(stream.bytes.is_empty());
