@@ -90,7 +90,9 @@ impl Loaded {
     /// steps can be added. Its title and the like are missing where it is not based on a scenario.
     pub(crate) fn beginning(&self) -> String {
         let line = |key: &str, path: &Path| {
-            let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+            // That of a recording may have been made elsewhere.
+            let absolute = std::path::absolute(path).ok().filter(|_| path.exists());
+            let path = absolute.unwrap_or_else(|| path.to_owned());
             format!(
                 "{key} = {}\n",
                 toml::Value::from(path.display().to_string())

@@ -12,7 +12,8 @@ mod harness;
 use std::collections::BTreeMap;
 use std::fs;
 
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
 use std::process::Stdio;
 
 use harness::client::Client;
@@ -403,6 +404,46 @@ fn a_replayed_run_goes_on_live() {
     assert_eq!(ended.code(), Some(0), "{}", ended.err);
     let late = folder.sim(&["replay", "drive.trace.jsonl", "--until", "1h"]);
     late.expect_refusal(2, &["--until", "ends at"]);
+}
+
+/// What the control socket of a simulator answers.
+fn get(url: &str, path: &str) -> String {
+    let (place, token) = url
+        .trim_start_matches("http://")
+        .split_once("/#token=")
+        .unwrap();
+    let mut stream = TcpStream::connect(place).unwrap();
+    let head = format!("GET {path} HTTP/1.1\r\nHost: {place}\r\nAuthorization: Bearer {token}");
+    write!(stream, "{head}\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer
+}
+
+#[test]
+fn a_scenario_that_is_saved_of_a_recording_is_based_on_the_file_of_that() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let run = ["run", "--seed", "1", "--output", ".", "drive.toml"];
+    folder.sim(&run).expect_clean();
+    let trace = folder.read("drive.trace.jsonl");
+    let elsewhere = Folder::with(&[("drive.trace.jsonl", &trace)]);
+    let there = fs::canonicalize(folder.file("drive.toml")).unwrap();
+    for (folder, base) in [
+        (&folder, there.to_str().unwrap()),
+        (&elsewhere, "drive.toml"),
+    ] {
+        let sim = folder.start(&["replay", "drive.trace.jsonl", "--until", "1 s"]);
+        let control = sim.wait_line(&["control on "]);
+        let url = control.trim().trim_start_matches("control on ");
+        let schema = get(url, "/v1/schema");
+        let wanted = format!("base = \\\"{base}\\\"");
+        assert!(
+            schema.contains(&wanted),
+            "{wanted}: {}",
+            &schema[..schema.len().min(300)]
+        );
+        sim.stop();
+    }
 }
 
 #[test]
