@@ -4,8 +4,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, File};
-use std::io;
-use std::os::fd::OwnedFd;
+use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::Arc;
@@ -13,6 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use rigsim_core::device::Devices;
+use rigsim_pty::paths::Held;
 use rmcp::model::{
     CallToolRequestParams, CallToolResponse, CallToolResult, ContentBlock, Implementation,
     JsonObject, ListToolsResult, PaginatedRequestParams, ServerCapabilities, ServerConfig, Tool,
@@ -23,22 +23,20 @@ use rmcp::transport::async_rw::AsyncRwTransport;
 use rmcp::{ErrorData, ServerHandler};
 use rustix::process::{Pid, Signal, kill_process};
 use serde::Deserialize;
-use serde_json::{Value, json};
-use tempfile::TempDir;
-use tokio::io::{AsyncBufReadExt as _, AsyncReadExt as _, BufReader};
-use tokio::net::unix::pipe::Receiver;
+use serde_json::json;
 use tokio::process::{Child, Command};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{Mutex, Semaphore};
 use tokio::time::{Instant, sleep, timeout};
 
 use crate::exit::{Exit, Failure};
+use crate::run::scratch;
 
 const TOOLS: &str = include_str!("mcp/tools.json");
-/// Most bytes of a request, and of a line of output.
+/// Most bytes of a request.
 const MOST_LINE: usize = 1 << 20;
 /// Most bytes of an answer, at its beginning and at its end.
-const MOST_SHOWN: usize = 6000;
+const MOST_SHOWN: u64 = 6000;
 /// Most calls at a time.
 const MOST_CALLS: u32 = 8;
 /// Most failures, and most events and frames before the first, that are explained.
@@ -61,14 +59,15 @@ struct Row {
     /// JSON schemas by name.
     arguments: JsonObject,
     required: Vec<String>,
-    /// Words, left out together if one of them is an argument that is not given.
+    /// Words. An argument is the last of its line; the others are left out if it is not given, and a flag
+    /// stands before each of its words.
     command: Vec<Vec<String>>,
     /// What to do after success and after failure.
     next: [String; 2],
 }
 
 /// Arguments by name, each as its words.
-type Arguments<'a> = BTreeMap<&'a str, Vec<String>>;
+type Arguments = BTreeMap<String, Vec<String>>;
 
 impl Row {
     fn tool(&self) -> Tool {
@@ -77,16 +76,16 @@ impl Row {
         Tool::new(self.name.clone(), self.description.clone(), object(schema))
     }
 
-    fn read(&self, given: &JsonObject) -> Result<Arguments<'_>, String> {
-        let mut names = given.keys();
-        if let Some(unknown) = names.find(|name| !self.arguments.contains_key(*name)) {
+    fn read(&self, given: &JsonObject) -> Result<Arguments, String> {
+        let is_unknown = |name: &&String| !self.arguments.contains_key(*name);
+        if let Some(unknown) = given.keys().find(is_unknown) {
             let known: Vec<&str> = self.arguments.keys().map(String::as_str).collect();
             let known = known.join(", ");
             return Err(format!(
                 "no argument is called `{unknown}`; allowed: {known}"
             ));
         }
-        let mut read = BTreeMap::new();
+        let mut read = Arguments::new();
         for (name, schema) in &self.arguments {
             let about = schema["description"].as_str().unwrap_or_default();
             let Some(value) = given.get(name).or(schema.get("default")) else {
@@ -95,68 +94,47 @@ impl Row {
                 }
                 continue;
             };
-            let (words, kind) = match (schema["type"].as_str(), value) {
-                (Some("array"), words) => (
-                    serde_json::from_value(words.clone()).ok(),
+            let (kind, words) = match schema["type"].as_str() {
+                Some("array") => (
                     "a list of texts",
+                    serde_json::from_value(value.clone()).ok(),
                 ),
-                (Some("integer"), value) => (
-                    value.as_u64().map(|number| vec![number.to_string()]),
+                Some("integer") => (
                     "a whole number",
+                    value.as_u64().map(|it| vec![it.to_string()]),
                 ),
-                (_, value) => (value.as_str().map(|word| vec![word.to_owned()]), "a text"),
+                _ => ("a text", value.as_str().map(|it| vec![it.to_owned()])),
             };
             let words = words.ok_or_else(|| format!("`{name}` has to be {kind}: {about}"))?;
-            let allowed: Vec<&str> = schema["enum"]
-                .as_array()
-                .into_iter()
-                .flatten()
-                .filter_map(Value::as_str)
-                .collect();
-            if !allowed.is_empty() && !words.iter().all(|word| allowed.contains(&word.as_str())) {
+            let allowed = serde_json::from_value(schema["enum"].clone());
+            let allowed: Vec<String> = allowed.unwrap_or_else(|_| words.clone());
+            if !words.iter().all(|word| allowed.contains(word)) {
                 return Err(format!("`{name}` has to be one of: {}", allowed.join(", ")));
             }
-            read.insert(name.as_str(), words);
+            read.insert(name.clone(), words);
         }
         Ok(read)
     }
 
-    fn words(&self, arguments: &Arguments<'_>, output: &Path) -> Vec<String> {
+    fn words(&self, arguments: &Arguments, output: &Path) -> Vec<String> {
+        let output = output.to_string_lossy();
         let mut words = Vec::new();
-        for group in &self.command {
-            let mut filled = Vec::new();
-            let is_whole = group.iter().all(|word| {
-                let word = word.replace("{output}", &output.to_string_lossy());
-                let name = word
-                    .strip_prefix('{')
-                    .and_then(|word| word.strip_suffix('}'));
-                let Some(name) = name else {
-                    filled.push(word);
-                    return true;
-                };
-                let each = name.strip_prefix("each ");
-                let Some(given) = arguments
-                    .get(each.unwrap_or(name))
-                    .filter(|given| !given.is_empty())
-                else {
-                    return false;
-                };
-                for (index, word) in given.iter().enumerate() {
-                    if index > 0 && each.is_some() {
-                        filled.extend(group.first().cloned());
-                    }
-                    // A file is no flag; what stands for a whole command line has flags.
-                    let is_flag = word.starts_with('-') && !matches!(name, "client" | "words");
-                    filled.push(if is_flag {
-                        format!("./{word}")
-                    } else {
-                        word.clone()
-                    });
+        for line in &self.command {
+            let last = line.last().and_then(|word| word.strip_prefix('{'));
+            let name = last.and_then(|word| word.strip_suffix('}'));
+            let Some(name) = name else {
+                words.extend(line.iter().map(|word| word.replace("OUTPUT", &output)));
+                continue;
+            };
+            let flags = &line[..line.len() - 1];
+            for (index, word) in arguments.get(name).into_iter().flatten().enumerate() {
+                // What is behind `--` is one command line.
+                if index == 0 || flags != ["--"] {
+                    words.extend_from_slice(flags);
                 }
-                true
-            });
-            if is_whole {
-                words.append(&mut filled);
+                // A file is no flag; what stands for a whole command line has flags.
+                let is_flag = word.starts_with('-') && !matches!(name, "client" | "words");
+                words.push(format!("{}{word}", if is_flag { "./" } else { "" }));
             }
         }
         words
@@ -174,7 +152,7 @@ impl Live {
     async fn stop(mut self) -> io::Result<String> {
         end(&self.simulator);
         self.simulator.wait().await?;
-        fs::read_to_string(&self.log)
+        excerpt(&self.log)
     }
 }
 
@@ -190,7 +168,7 @@ fn end(program: &Child) {
 struct Server {
     devices: Devices,
     rows: Vec<Row>,
-    folder: TempDir,
+    folder: Held,
     /// Number of the newest call.
     number: AtomicU64,
     /// One permit for each call.
@@ -215,7 +193,7 @@ async fn serve_until_end(devices: Devices) -> anyhow::Result<()> {
     let server = Arc::new(Server {
         devices,
         rows: serde_json::from_str(TOOLS)?,
-        folder: tempfile::Builder::new().prefix("sim-mcp-").tempdir()?,
+        folder: scratch()?,
         number: AtomicU64::new(0),
         calls: Semaphore::new(MOST_CALLS as usize),
         live: Mutex::default(),
@@ -272,111 +250,86 @@ impl ServerHandler for Server {
         })?;
         let busy = |_| ErrorData::internal_error("too many calls at a time", None);
         let _permit = self.calls.try_acquire().map_err(busy)?;
-        let mut shown = Excerpt::default();
-        let (is_good, next) = match row.read(&request.arguments.unwrap_or_default()) {
+        let (is_good, text, next) = match row.read(&request.arguments.unwrap_or_default()) {
             Ok(arguments) => {
-                let done = self.carry_out(row, &arguments, &context, &mut shown).await;
-                let is_good = done.unwrap_or_else(|error| {
-                    shown.add(&error.to_string());
-                    false
-                });
-                (is_good, row.next[usize::from(!is_good)].clone())
+                let done = self.carry_out(row, &arguments, &context).await;
+                let (is_good, text) = done.unwrap_or_else(|error| (false, error.to_string()));
+                (is_good, text, row.next[usize::from(!is_good)].clone())
             }
-            Err(why) => {
-                shown.add(&why);
-                (
-                    false,
-                    format!("Call `{}` again without this mistake.", row.name),
-                )
-            }
+            Err(why) => (
+                false,
+                why,
+                format!("Call `{}` again without this mistake.", row.name),
+            ),
         };
-        let text = format!("{}\n\nNext: {next}", shown.text().trim_end());
-        let content = vec![ContentBlock::text(text)];
-        let result = if is_good {
-            CallToolResult::success(content)
-        } else {
-            CallToolResult::error(content)
+        let content = vec![ContentBlock::text(format!(
+            "{}\n\nNext: {next}",
+            text.trim_end()
+        ))];
+        let result = match is_good {
+            true => CallToolResult::success(content),
+            false => CallToolResult::error(content),
         };
         Ok(result.into())
     }
 }
 
 impl Server {
-    /// Adds what there is to say, and returns whether it went well.
+    /// Returns whether it went well, and what there is to say.
     async fn carry_out(
         &self,
         row: &Row,
-        arguments: &Arguments<'_>,
+        arguments: &Arguments,
         context: &RequestContext<RoleServer>,
-        shown: &mut Excerpt,
-    ) -> io::Result<bool> {
+    ) -> io::Result<(bool, String)> {
         let number = self.number.fetch_add(1, Ordering::Relaxed);
         let output = self.folder.path().join(number.to_string());
+        let log = output.with_extension("log");
         let words = row.words(arguments, &output);
-        match row.name.as_str() {
-            "start" => self.start(&words, &output, context, shown).await,
+        let is_good = match row.name.as_str() {
+            "start" => return self.start(&words, log, context).await,
             "stop" => {
-                let Some(live) = self.live.lock().await.take() else {
-                    shown.add("no simulator was started");
-                    return Ok(false);
-                };
-                shown.add(&live.stop().await?);
-                Ok(true)
-            }
-            "list" if words[0] == "devices" => {
-                let devices = self.devices.iter();
-                devices.for_each(|one| shown.add(&format!("{}: {}\n", one.id, one.about)));
-                Ok(true)
-            }
-            "list" => {
-                let mut text = String::new();
-                let is_good = sim(&words, None, context, &mut |line| text.push_str(line)).await?;
-                // Comments stand above a setting, and what a fault does below its name.
-                let gap = if text.contains("\n\n") { "\n\n" } else { "\n" };
-                let matching = arguments.get("matching").and_then(|words| words.first());
-                let parts = text.split(gap).filter_map(|part| match matching {
-                    Some(matching) => part.contains(matching).then_some(part),
-                    None => entry(part),
-                });
-                text = parts
-                    .collect::<Vec<_>>()
-                    .join(if matching.is_some() { gap } else { "\n" });
-                shown.add(&text);
-                Ok(is_good)
-            }
-            "explain" => {
-                let mut explained = Explanation::default();
-                let mut keep = |line: &str| match serde_json::from_str(line) {
-                    Ok(line) => explained.add(&line),
-                    Err(_) => shown.add(line),
-                };
-                let is_good = sim(&words, None, context, &mut keep).await?;
-                shown.add(&explained.text());
-                Ok(is_good)
+                let live = self.live.lock().await.take();
+                let live = live.ok_or(io::Error::other("no simulator was started"))?;
+                return Ok((true, live.stop().await?));
             }
             "control" => {
                 let url = self.live.lock().await.as_ref().map(|live| live.url.clone());
-                sim(&words, url.as_deref(), context, &mut |line| shown.add(line)).await
+                sim(&words, url.as_deref(), &log, context).await?
             }
-            _ => sim(&words, None, context, &mut |line| shown.add(line)).await,
+            "list" if words[0] == "devices" => {
+                let devices = self.devices.iter();
+                let devices = devices.map(|one| format!("{}: {}\n", one.id, one.about));
+                return Ok((true, devices.collect()));
+            }
+            _ => sim(&words, None, &log, context).await?,
+        };
+        match row.name.as_str() {
+            "list" if is_good => {
+                let matching = arguments.get("matching").and_then(|words| words.first());
+                fs::write(&log, list(&fs::read_to_string(&log)?, matching))?;
+            }
+            "explain" if is_good => fs::write(&log, explanation(&log)?)?,
+            _ => {}
         }
+        let text = excerpt(&log)?;
+        fs::remove_file(&log)?;
+        Ok((is_good, text))
     }
 
     async fn start(
         &self,
         words: &[String],
-        output: &Path,
+        log: PathBuf,
         context: &RequestContext<RoleServer>,
-        shown: &mut Excerpt,
-    ) -> io::Result<bool> {
+    ) -> io::Result<(bool, String)> {
         let mut live = self.live.lock().await;
         if let Some(live) = live.take() {
             live.stop().await?;
         }
-        let log = output.with_extension("log");
-        let out = File::create(&log)?;
+        let simulator = spawn(words, None, &log)?;
         let mut started = Live {
-            simulator: spawn(words, None, out.into())?,
+            simulator,
             url: String::new(),
             log,
         };
@@ -388,37 +341,25 @@ impl Server {
             }
             let is_over = started.simulator.try_wait()?.is_some() || context.ct.is_cancelled();
             if is_over || begun.elapsed() > START {
-                shown.add(&started.stop().await?);
-                return Ok(false);
+                return Ok((false, started.stop().await?));
             }
             sleep(Duration::from_millis(10)).await;
         };
-        let mut lines = text.lines();
-        let url = lines.find_map(|line| line.trim().strip_prefix("control on "));
+        let url = text
+            .lines()
+            .find_map(|line| line.trim().strip_prefix("control on "));
         started.url = url.unwrap_or_default().to_owned();
-        shown.add(&text);
-        let started = live.insert(started);
         let pause = ["ctl".to_owned(), "pause".to_owned()];
-        sim(&pause, Some(&started.url), context, &mut |line| {
-            shown.add(line)
-        })
-        .await
+        let paused = started.log.with_extension("paused");
+        let is_paused = sim(&pause, Some(&started.url), &paused, context).await?;
+        *live = Some(started);
+        Ok((is_paused, text + &excerpt(&paused)?))
     }
 }
 
-/// What an entry of a list is called, without its meaning; `None` if it is none.
-fn entry(part: &str) -> Option<&str> {
-    let name = part.lines().find(|line| !line.starts_with("# "))?;
-    match name.strip_prefix("### ") {
-        Some(fault) => Some(fault),
-        // A setting, or a name.
-        None if name.contains(" = ") => Some(name),
-        None => name.split(' ').next().filter(|name| name.contains('.')),
-    }
-}
-
-/// Starts this program.
-fn spawn(words: &[String], url: Option<&str>, out: OwnedFd) -> io::Result<Child> {
+/// Starts this program; what it prints goes to a file.
+fn spawn(words: &[String], url: Option<&str>, log: &Path) -> io::Result<Child> {
+    let out = File::create(log)?;
     Command::new(std::env::current_exe()?)
         .args(words)
         .env_remove("SIM_CONTROL")
@@ -429,102 +370,85 @@ fn spawn(words: &[String], url: Option<&str>, out: OwnedFd) -> io::Result<Child>
         .spawn()
 }
 
-/// Runs this program, hands on each line that it prints, and says whether it went well. Ends it if the call
-/// is cancelled.
+/// Runs this program, and returns whether it went well. Ends it if the call is cancelled.
 async fn sim(
     words: &[String],
     url: Option<&str>,
+    log: &Path,
     context: &RequestContext<RoleServer>,
-    keep: &mut (dyn FnMut(&str) + Send),
 ) -> io::Result<bool> {
-    let (reader, out) = io::pipe()?;
-    let mut program = spawn(words, url, out.into())?;
-    let mut reader = BufReader::new(Receiver::from_owned_fd(reader.into())?);
-    let reading = async {
-        let mut line = Vec::new();
-        while (&mut reader)
-            .take(MOST_LINE as u64)
-            .read_until(b'\n', &mut line)
-            .await?
-            > 0
-        {
-            keep(&String::from_utf8_lossy(&line));
-            line.clear();
-        }
-        io::Result::Ok(())
-    };
+    let mut program = spawn(words, url, log)?;
     tokio::select! {
-        read = reading => read?,
+        ended = program.wait() => return Ok(ended?.success()),
         () = context.ct.cancelled() => end(&program),
     }
     Ok(program.wait().await?.success())
 }
 
-/// Failures of a trace, and what came just before the first of them.
-#[derive(Default)]
-struct Explanation {
-    failures: Vec<String>,
-    /// Events and frames.
-    before: [VecDeque<String>; 2],
+/// The entries of a printed list that contain a text; or what they are called, without their meanings.
+fn list(text: &str, matching: Option<&String>) -> String {
+    // Comments stand above a setting, and what a fault does below its name.
+    let gap = if text.contains("\n\n") { "\n\n" } else { "\n" };
+    let parts = text.split(gap).filter_map(|part| match matching {
+        Some(matching) => part.contains(matching).then(|| format!("{part}{gap}")),
+        None => entry(part).map(|name| format!("{name}\n")),
+    });
+    parts.collect()
 }
 
-impl Explanation {
-    fn add(&mut self, line: &Value) {
-        let [code, text, device] =
-            ["code", "text", "device"].map(|key| line[key].as_str().unwrap_or_default());
-        let time = line["time_s"].as_f64().unwrap_or_default();
-        let shown = format!("{time:.3} s {device} {text} [{code}]\n");
-        let kind = usize::from(line["level"] == "traffic");
-        if code == "failure" && self.failures.len() < MOST_FAILURES {
-            self.failures.push(shown);
-        } else if self.failures.is_empty() {
-            let before = &mut self.before[kind];
-            before.push_back(shown);
-            before.drain(..before.len().saturating_sub(MOST_BEFORE[kind]));
-        }
-    }
-
-    fn text(mut self) -> String {
-        if self.failures.is_empty() {
-            self.failures.push("nothing failed\n".to_owned());
-        }
-        let failures = self.failures.concat();
-        let [events, frames] = self.before.map(|lines| Vec::from(lines).concat());
-        format!("{failures}\nWhat happened before:\n{events}\nThe last frames before:\n{frames}")
+/// What an entry of a list is called; `None` if it is none.
+fn entry(part: &str) -> Option<&str> {
+    let name = part.lines().find(|line| !line.starts_with("# "))?;
+    match name.strip_prefix("### ") {
+        Some(fault) => Some(fault),
+        // A setting, or a name.
+        None if name.contains(" = ") => Some(name),
+        None => name.split(' ').next().filter(|name| name.contains('.')),
     }
 }
 
-/// The beginning and the end of a long text.
-#[derive(Default)]
-struct Excerpt {
-    text: String,
-    left_out: usize,
+/// The failures of a printed trace, and what came just before the first of them.
+fn explanation(log: &Path) -> io::Result<String> {
+    let mut failures = Vec::new();
+    // Events and frames.
+    let mut before = [VecDeque::new(), VecDeque::new()];
+    for line in BufReader::new(File::open(log)?).lines() {
+        let line = line?;
+        if line.contains(" == FAILED: ") && failures.len() < MOST_FAILURES {
+            failures.push(line);
+        } else if failures.is_empty() {
+            let kind = usize::from(line.contains(" -> ") || line.contains(" <- "));
+            before[kind].push_back(line);
+            let more = before[kind].len().saturating_sub(MOST_BEFORE[kind]);
+            before[kind].drain(..more);
+        }
+    }
+    if failures.is_empty() {
+        failures.push("nothing failed".to_owned());
+    }
+    let [events, frames] = before.map(|lines| Vec::from(lines).join("\n"));
+    let failures = failures.join("\n");
+    Ok(format!(
+        "{failures}\n\nWhat happened before:\n{events}\n\nThe last frames before:\n{frames}"
+    ))
 }
 
-impl Excerpt {
-    fn add(&mut self, text: &str) {
-        self.text.push_str(text);
-        if self.text.len() > 4 * MOST_SHOWN {
-            self.cut();
-        }
-    }
-
-    fn cut(&mut self) {
-        let ends = [MOST_SHOWN, self.text.len().saturating_sub(MOST_SHOWN)];
-        let [begin, end] = ends.map(|at| self.text.floor_char_boundary(at));
-        if begin < end {
-            self.text.drain(begin..end);
-            self.left_out += end - begin;
-        }
-    }
-
-    fn text(mut self) -> String {
-        self.cut();
-        if self.left_out > 0 {
-            let middle = self.text.floor_char_boundary(MOST_SHOWN);
-            let words = format!("\n… {} bytes are left out …\n", self.left_out);
-            self.text.insert_str(middle, &words);
-        }
-        self.text
-    }
+/// The beginning and the end of a long file.
+fn excerpt(path: &Path) -> io::Result<String> {
+    let mut file = File::open(path)?;
+    let (mut begin, mut end) = (Vec::new(), Vec::new());
+    (&mut file).take(MOST_SHOWN).read_to_end(&mut begin)?;
+    let from = file
+        .metadata()?
+        .len()
+        .saturating_sub(MOST_SHOWN)
+        .max(MOST_SHOWN);
+    file.seek(SeekFrom::Start(from))?;
+    file.read_to_end(&mut end)?;
+    let gap = match from - MOST_SHOWN {
+        0 => String::new(),
+        count => format!("\n… {count} bytes are left out …\n"),
+    };
+    let [begin, end] = [begin, end].map(|part| String::from_utf8_lossy(&part).into_owned());
+    Ok(begin + &gap + &end)
 }
