@@ -193,8 +193,8 @@ impl Page<'_> {
         self.text += "\n## Kinds of the client report\n\nErrors of a client, by the name that \
                       `client_report` uses.\n";
         let every: (&str, &[Code]) = ("of any device", rigsim_core::event::code::CODES);
-        let own = devices.iter().map(|device| (device.id, device.codes));
-        for (of, codes) in std::iter::once(every).chain(own) {
+        let of_devices = devices.iter().map(|device| (device.id, device.codes));
+        for (of, codes) in std::iter::once(every).chain(of_devices) {
             let _ = write!(self.text, "\n| {of} | |\n|---|---|\n");
             for kind in codes.iter().filter(|kind| kind.may_be_client_error()) {
                 let _ = writeln!(self.text, "| `{kind}` | {} |", kind.about());

@@ -347,14 +347,14 @@ fn load_cases(
         complain(&format!("{shown} looks like a {kind} file and is left out"));
         return Ok(Vec::new());
     }
-    let own: Vec<&(String, Vec<String>)> = given
+    let matching: Vec<&(String, Vec<String>)> = given
         .parameters
         .iter()
         .filter(|(name, _)| files.has_parameter(name))
         .collect();
-    used.extend(own.iter().map(|(name, _)| name.clone()));
+    used.extend(matching.iter().map(|(name, _)| name.clone()));
     let mut cases: Vec<Vec<(String, String)>> = vec![Vec::new()];
-    for (name, values) in own {
+    for (name, values) in matching {
         let with = |case: &Vec<(String, String)>| {
             let values = values.iter().map(|value| (name.clone(), value.clone()));
             let case = case.clone();
@@ -381,24 +381,24 @@ pub(crate) fn load(path: &Path, given: &Given<'_>) -> Result<Loaded, Failure> {
 
 /// Reads one whose text is not in a file yet; what it is based on is.
 pub(crate) fn load_text(path: &Path, text: &str, given: &Given<'_>) -> Result<Loaded, Failure> {
-    let mut read = |own: &Path| {
-        let text = match own == path {
+    let mut read = |file: &Path| {
+        let text = match file == path {
             true => text.to_owned(),
-            false => config::read(own, "base").map_err(|failure| failure.error)?,
+            false => config::read(file, "base").map_err(|failure| failure.error)?,
         };
-        Ok::<_, anyhow::Error>(named(own, text))
+        Ok::<_, anyhow::Error>(named(file, text))
     };
     let files = ScenarioFiles::read(path, None, &mut read).map_err(Failure::usage)?;
     compose(given, path, &files, &[])
 }
 
 fn read_files(given: &Given<'_>, path: &Path) -> Result<ScenarioFiles, Failure> {
-    let mut read = |own: &Path| {
-        let text = match own == path {
-            true => config::read(own, "scenario file").map_err(|failure| failure.error),
-            false => named_in(path, config::read(own, "base")),
+    let mut read = |file: &Path| {
+        let text = match file == path {
+            true => config::read(file, "scenario file").map_err(|failure| failure.error),
+            false => named_in(path, config::read(file, "base")),
         };
-        Ok::<_, anyhow::Error>(named(own, text?))
+        Ok::<_, anyhow::Error>(named(file, text?))
     };
     ScenarioFiles::read(path, given.job, &mut read).map_err(Failure::usage)
 }

@@ -105,8 +105,8 @@ fn reports(run: &Run) -> impl Iterator<Item = (usize, &str, &Report)> {
 }
 
 fn ports_of(counters: &[(PortId, Counters)], device: usize) -> impl Iterator<Item = &Counters> {
-    let own = counters.iter().filter(move |(id, _)| id.device == device);
-    own.map(|(_, counters)| counters)
+    let of_device = counters.iter().filter(move |(id, _)| id.device == device);
+    of_device.map(|(_, counters)| counters)
 }
 
 /// For programs.

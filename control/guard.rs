@@ -43,9 +43,9 @@ impl Guard {
                 );
                 Refusal::new(403, why)
             })?;
-        let own = |origin: &str| origin.strip_prefix("http://") == Some(host);
+        let is_this_site = |origin: &str| origin.strip_prefix("http://") == Some(host);
         match head.origin.as_deref() {
-            Some(origin) if !own(origin) => {
+            Some(origin) if !is_this_site(origin) => {
                 Err(Refusal::new(403, "pages of other sites may not ask"))
             }
             _ => Ok(()),
@@ -74,12 +74,12 @@ impl Guard {
             Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
             _ => (host, Some(80)),
         };
-        let own = self.address.ip();
+        let bound = self.address.ip();
         let bare = name.strip_prefix('[').and_then(|n| n.strip_suffix(']'));
         let address: Option<IpAddr> = bare.unwrap_or(name).parse().ok();
         let is_here = match address {
-            Some(address) => address == own || own.is_unspecified(),
-            None => name == "localhost" && (own.is_loopback() || own.is_unspecified()),
+            Some(address) => address == bound || bound.is_unspecified(),
+            None => name == "localhost" && (bound.is_loopback() || bound.is_unspecified()),
         };
         is_here && port == Some(self.address.port())
     }
@@ -108,9 +108,9 @@ impl Pace {
     fn turn(&self, now: Instant) -> Duration {
         let mut next = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let earliest = now.checked_sub(BURST).unwrap_or(now);
-        let own = next.map_or(earliest, |next| next.max(earliest));
-        *next = Some(own + INTERVAL);
-        own.saturating_duration_since(now)
+        let turn = next.map_or(earliest, |next| next.max(earliest));
+        *next = Some(turn + INTERVAL);
+        turn.saturating_duration_since(now)
     }
 }
 

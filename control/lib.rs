@@ -345,14 +345,14 @@ fn accept(shared: &Arc<Shared>) {
             connection::turn_away(&stream);
             continue;
         };
-        let own = Arc::clone(shared);
+        let for_thread = Arc::clone(shared);
         let served = Arc::clone(&watch);
         let started = thread::Builder::new()
             .name("control-client".to_owned())
             .spawn(move || {
                 // The count is right again however this ends.
-                let _counted = Counted(&own.connections, &served);
-                connection::serve(stream, &own, &served);
+                let _counted = Counted(&for_thread.connections, &served);
+                connection::serve(stream, &for_thread, &served);
             });
         if started.is_err() {
             shared.connections.leave(&watch);

@@ -102,8 +102,8 @@ impl MecanumPlant {
             inertia: drive.gear.inertia,
         };
         let body = world.add_body(name, shape, pose);
-        let own = &settings.body;
-        let carried = (own.length, own.payload);
+        let deck = &settings.body;
+        let carried = (deck.length, deck.payload);
         let body = VehicleBody::new(world, body, carried, BOUNDS);
         let mut sensors = Sensors::new(settings);
         sensors.look(world, body.id(), body.motion());

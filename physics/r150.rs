@@ -97,8 +97,8 @@ impl R150Plant {
             inertia: drive.gear.inertia,
         };
         let body = world.add_body(name, shape, pose);
-        let own = &settings.body;
-        let carried = (own.length, own.payload);
+        let deck = &settings.body;
+        let carried = (deck.length, deck.payload);
         let body = VehicleBody::new(world, body, carried, BOUNDS);
         let mut plant = Self {
             settings: settings.clone(),

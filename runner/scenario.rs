@@ -369,8 +369,11 @@ impl Scenario {
             let commands = devices.iter().flat_map(|d| (d.host.schema)(generator));
             let commands = commands.collect();
             let [fault, operator, world] = ["fault", "operator", "world"].map(|key| {
-                let own = effect::kinds(devices, key);
-                own.into_iter().map(|own| (own.schema)(generator)).collect()
+                let kinds = effect::kinds(devices, key);
+                kinds
+                    .into_iter()
+                    .map(|kind| (kind.schema)(generator))
+                    .collect()
             });
             let mut changed = vec![
                 ("DeviceText", device),

@@ -188,14 +188,14 @@ pub fn show_entry(entry: &Entry, name: &str) -> String {
 pub fn schema_of(settings: &dyn Settings) -> schemars::Schema {
     let mut schema = group();
     for entry in settings.entries() {
-        let mut own = entry.schema.to_value();
+        let mut property = entry.schema.to_value();
         let (doc, basis) = (entry.doc.replace('\n', " "), entry.basis);
         let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
         let (allowed, basis, source) = (&entry.allowed, basis.as_str(), basis.source());
-        own["description"] = format!("{doc} Allowed: {allowed}; {basis}: {source}").into();
+        property["description"] = format!("{doc} Allowed: {allowed}; {basis}: {source}").into();
         // What a setting shows as TOML is JSON too.
         if let Ok(default) = serde_json::from_str(&entry.default) {
-            own["default"] = default;
+            property["default"] = default;
         }
         let mut table = &mut schema;
         let (groups, name) = entry.key.rsplit_once('.').unwrap_or(("", &entry.key));
@@ -206,7 +206,7 @@ pub fn schema_of(settings: &dyn Settings) -> schemars::Schema {
             }
             table = inner;
         }
-        table["properties"][name] = own;
+        table["properties"][name] = property;
     }
     schemars::Schema::try_from(schema).unwrap_or_default()
 }

@@ -320,8 +320,8 @@ impl<'de> Deserializer<'de> for Reader<'_, '_> {
             DeValue::String(word) => {
                 let read = visitor.visit_enum(StrDeserializer::new(word));
                 read.map_err(|mut error: ReadError| {
-                    if let Wrong::NeedsValue(own) = &mut error.why {
-                        *own = word.to_string();
+                    if let Wrong::NeedsValue(needed) = &mut error.why {
+                        *needed = word.to_string();
                     }
                     error
                 })

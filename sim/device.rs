@@ -136,8 +136,8 @@ impl DeviceSpec {
 /// Every kind that a client report can have: what these devices and the line tell of that the
 /// protocol forbids, or that is risky.
 pub fn client_report_codes(devices: Devices) -> impl Iterator<Item = &'static str> {
-    let own = devices.iter().map(|device| device.codes);
-    let all = std::iter::once(code::CODES).chain(own).flatten();
+    let of_devices = devices.iter().map(|device| device.codes);
+    let all = std::iter::once(code::CODES).chain(of_devices).flatten();
     all.filter(|code| code.may_be_client_error())
         .map(|code| code.as_str())
 }

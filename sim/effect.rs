@@ -69,7 +69,7 @@ pub fn catalogue(devices: Devices) -> Vec<&'static EffectInfo> {
     for info in devices
         .iter()
         .flat_map(|device| of(device))
-        .flat_map(|own| own.kinds)
+        .flat_map(|family| family.kinds)
     {
         if !all.contains(&info) {
             all.push(info);
@@ -83,10 +83,10 @@ pub fn catalogue(devices: Devices) -> Vec<&'static EffectInfo> {
 #[must_use]
 pub fn kinds(devices: Devices, key: &str) -> Vec<&'static Effects> {
     let mut all: Vec<&Effects> = Vec::new();
-    for own in devices.iter().flat_map(|device| of(device)) {
-        let has_key = own.kinds.iter().any(|info| info.level.key() == key);
-        if has_key && all.iter().all(|known| known.kinds != own.kinds) {
-            all.push(own);
+    for family in devices.iter().flat_map(|device| of(device)) {
+        let has_key = family.kinds.iter().any(|info| info.level.key() == key);
+        if has_key && all.iter().all(|known| known.kinds != family.kinds) {
+            all.push(family);
         }
     }
     all

@@ -119,8 +119,8 @@ impl Injection {
     fn sum(&self, device: &dyn Device) -> Sum {
         let mut sum = device.no_faults();
         for armed in &self.armed {
-            if let Work::Hardware(own) = &armed.work {
-                own.add(&mut sum);
+            if let Work::Hardware(hardware) = &armed.work {
+                hardware.add(&mut sum);
             }
         }
         sum
@@ -132,8 +132,8 @@ impl Injection {
         self.ticked = now;
         let mut changed = false;
         for armed in &mut self.armed {
-            if let Work::Hardware(own) = &mut armed.work {
-                changed |= own.interfere(device, seconds, &mut armed.tally);
+            if let Work::Hardware(hardware) = &mut armed.work {
+                changed |= hardware.interfere(device, seconds, &mut armed.tally);
             }
         }
         if changed {
@@ -144,8 +144,8 @@ impl Injection {
     /// Counts what effects on firmware and hardware hit.
     pub(crate) fn watch(&mut self, device: &dyn Device) {
         for armed in &mut self.armed {
-            if let Work::Hardware(own) = &mut armed.work {
-                own.watch(device, &mut armed.tally);
+            if let Work::Hardware(hardware) = &mut armed.work {
+                hardware.watch(device, &mut armed.tally);
             }
         }
     }

@@ -124,7 +124,7 @@ impl SerialLine {
             return None;
         }
         let baud = line.baud;
-        let old = self.change(now, |own| std::mem::replace(&mut own.client, line));
+        let old = self.change(now, |this| std::mem::replace(&mut this.client, line));
         if baud == old.baud {
             return None;
         }
@@ -189,7 +189,7 @@ impl SerialLine {
     /// The device's end runs at a wrong speed by a fault, which is none of the client's making; or
     /// no longer does.
     pub fn set_faulty_baud(&mut self, now: SimTime, baud: Option<u32>) {
-        self.change(now, |own| own.faulty_baud = baud);
+        self.change(now, |this| this.faulty_baud = baud);
     }
 
     /// Another adapter is there by a fault; or no longer is.

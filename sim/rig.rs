@@ -117,13 +117,13 @@ impl Rig {
     /// there were before.
     pub fn add(&mut self, spec: &'static DeviceSpec, setup: &Setup<'_>) -> usize {
         let seed = self.settings.seed;
-        let own = (spec.build)(&Setup { seed, ..*setup }, &mut self.world);
+        let built = (spec.build)(&Setup { seed, ..*setup }, &mut self.world);
         let (own_settings, wire) = (setup.settings, self.settings.wire);
         let line =
             |link| SerialLine::new(own_settings.baud(link), wire, own_settings.adapter(link));
         self.slots.push(Slot {
             spec,
-            device: own,
+            device: built,
             lines: (0..setup.links).map(line).collect(),
             faults: None,
         });
@@ -209,8 +209,8 @@ impl Rig {
     ) -> Option<T> {
         let now = self.now;
         self.rest_to_grid(device);
-        let own = self.slots.get_mut(device)?.device.as_mut();
-        let outcome = change(own, &mut self.world, now);
+        let found = self.slots.get_mut(device)?.device.as_mut();
+        let outcome = change(found, &mut self.world, now);
         self.after_change(device);
         Some(outcome)
     }
@@ -222,8 +222,8 @@ impl Rig {
         change: impl FnOnce(&mut D, &mut World, SimTime) -> T,
     ) -> Option<T> {
         self.device::<D>(device)?;
-        self.with_any_device(device, |own, world, now| {
-            own.get_mut().map(|own| change(own, world, now))
+        self.with_any_device(device, |found, world, now| {
+            found.get_mut().map(|found| change(found, world, now))
         })?
     }
 
@@ -293,9 +293,9 @@ impl Rig {
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
         let to_client = self.slots.iter().flat_map(Slot::next_for_clients);
-        let own = self.deadlines.earliest().min(self.physics_due);
-        let own = (!self.slots.is_empty()).then_some(own);
-        own.into_iter().chain(to_client).min()
+        let of_devices = self.deadlines.earliest().min(self.physics_due);
+        let of_devices = (!self.slots.is_empty()).then_some(of_devices);
+        of_devices.into_iter().chain(to_client).min()
     }
 
     /// Takes the next event.

@@ -43,15 +43,15 @@ impl SimSettings {
     /// The settings of this type; `None` if no device has such.
     #[must_use]
     pub fn of<T: DeviceSettings>(&self) -> Option<&T> {
-        self.devices.iter().find_map(|own| own.get())
+        self.devices.iter().find_map(|group| group.get())
     }
 }
 
 impl Settings for SimSettings {
     fn list(&self, prefix: &str, entries: &mut Vec<Entry>) {
         self.world.list(&join(prefix, "world"), entries);
-        for (device, own) in self.table.iter().zip(&self.devices) {
-            own.list(&join(prefix, device.id), entries);
+        for (device, settings) in self.table.iter().zip(&self.devices) {
+            settings.list(&join(prefix, device.id), entries);
         }
     }
 
@@ -60,14 +60,14 @@ impl Settings for SimSettings {
             Some((group, rest)) => (group, Some(rest)),
             None => (key, None),
         };
-        let own: &mut dyn Settings = if group == "world" {
+        let part: &mut dyn Settings = if group == "world" {
             &mut self.world
         } else {
             let at = self.table.iter().position(|device| device.id == group);
-            let own = at.and_then(|at| self.devices.get_mut(at));
-            own.ok_or(Problem::UnknownKey)?.as_mut()
+            let part = at.and_then(|at| self.devices.get_mut(at));
+            part.ok_or(Problem::UnknownKey)?.as_mut()
         };
-        own.assign(rest.ok_or(Problem::IsGroup)?, value)
+        part.assign(rest.ok_or(Problem::IsGroup)?, value)
     }
 }
 

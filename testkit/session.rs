@@ -176,7 +176,8 @@ impl Player {
                     return;
                 };
                 let effect = effect.effect(spec);
-                let effect = effect.and_then(|own| Checked::new(own, spec, self.rig.links(device)));
+                let effect =
+                    effect.and_then(|chosen| Checked::new(chosen, spec, self.rig.links(device)));
                 let effect = match effect {
                     Ok(effect) => effect,
                     Err(why) => return assert!(!why.is_empty()),
@@ -219,8 +220,9 @@ impl Player {
         let client = &mut self.clients[port];
         let came = self.rig.attach(client.port, self.now);
         came.unwrap_or_else(|error| panic!("{error}"));
-        let disturbed =
-            |own: &Applied| own.lasts && own.disturbs && own.device == client.port.device;
+        let disturbed = |applied: &Applied| {
+            applied.lasts && applied.disturbs && applied.device == client.port.device
+        };
         // What is under way to the client that is there began before this one came.
         let idle = self.rig.next_for_client(client.port).is_none();
         client.comes(self.now, idle && !self.effects.iter().any(disturbed));

@@ -98,7 +98,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
     let devices = parts
         .enumerate()
         .map(|(index, ((plan, report), (_, [length, width])))| {
-            let own = ports.iter().filter(|port| port.link.id.device == index);
+            let device_ports = ports.iter().filter(|port| port.link.id.device == index);
             let drawing = drawing(run.rig(), index);
             let wheels = drawing.wheels.iter().map(|wheel| {
                 json!({
@@ -121,7 +121,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
                 "name": plan.name,
                 "identifier": rigsim_runner::condition::identifier(&plan.name),
                 "kind": plan.device.id,
-                "ports": own.map(ShownPort::json).collect::<Vec<_>>(),
+                "ports": device_ports.map(ShownPort::json).collect::<Vec<_>>(),
                 "body": { "length": length, "width": width },
                 "wheels": wheels.collect::<Vec<_>>(),
                 "sensors": sensors.collect::<Vec<_>>(),
@@ -275,9 +275,9 @@ fn step_schema(devices: Devices) -> Value {
 
 /// The forms of all that can be asked, and the beginning of a scenario file with the same devices.
 pub(super) fn schema(devices: Devices, file: &str) -> Value {
-    let each = devices.chunks(1).flat_map(|own| {
-        let kinds = own.iter().map(|device| device.id.to_owned());
-        kinds.map(|kind| (kind, step_schema(own)))
+    let each = devices.chunks(1).flat_map(|one| {
+        let kinds = one.iter().map(|device| device.id.to_owned());
+        kinds.map(|kind| (kind, step_schema(one)))
     });
     let steps: Map<String, Value> = each.collect();
     let faults = effect::catalogue(devices).into_iter();

@@ -66,7 +66,7 @@ impl Session {
         let wanted = real(port);
         self.ports
             .iter()
-            .any(|own| own == port || (wanted.is_some() && real(own) == wanted))
+            .any(|served| served == port || (wanted.is_some() && real(served) == wanted))
     }
 }
 

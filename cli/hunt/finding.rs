@@ -122,7 +122,7 @@ impl Hunt<'_> {
                 return Ok(true);
             }
         }
-        if OWN.iter().any(|own| key.starts_with(own)) {
+        if OWN.iter().any(|prefix| key.starts_with(prefix)) {
             return Ok(false);
         }
         self.player.trace(&text, |case, _, _| {

@@ -231,8 +231,13 @@ impl Hunt<'_> {
             .and_then(|loaded| loaded.run(options));
         run.is_ok_and(|mut run| {
             let begins = run.step(SimTime::from_nanos(1)).is_ok();
-            let own = Some(step_name(0));
-            begins && run.end().failures.iter().all(|failure| failure.step != own)
+            let added = Some(step_name(0));
+            begins
+                && run
+                    .end()
+                    .failures
+                    .iter()
+                    .all(|failure| failure.step != added)
         })
     }
 

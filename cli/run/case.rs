@@ -58,7 +58,7 @@ impl<'a> Case<'a> {
         let scenario = &loaded.scenario;
         let seed = args.seed.or(scenario.rig.seed).unwrap_or(base);
         let speed = args.speed.unwrap_or(1.0);
-        let own = scenario.limit.div_f64(speed).saturating_mul(2) + ALLOWANCE;
+        let usual = scenario.limit.div_f64(speed).saturating_mul(2) + ALLOWANCE;
         let timeout = args.timeout.map(|timeout| timeout.0);
         Self {
             loaded,
@@ -67,7 +67,7 @@ impl<'a> Case<'a> {
             number: 0,
             repeat: (args.repeat > 1).then_some(repeat),
             speed,
-            allowed: timeout.unwrap_or(own),
+            allowed: timeout.unwrap_or(usual),
             output: args.output.as_deref(),
             scratch: None,
         }

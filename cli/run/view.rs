@@ -131,9 +131,9 @@ impl<'a> View<'a> {
                 .map(|(code, tally)| format!("{name}: {}", counted(code, tally.count, tally)));
             view.add_notes("damage", words);
             // What a scripted client does wrong, its file says.
-            let own = device.report.client_errors();
-            let own = own.filter(|_| is_live || !outcome.passed);
-            let words = own.map(|(code, tally)| {
+            let errors = device.report.client_errors();
+            let errors = errors.filter(|_| is_live || !outcome.passed);
+            let words = errors.map(|(code, tally)| {
                 format!("{name}: {}", counted(code, tally.client_errors, tally))
             });
             view.add_notes("client report", words);

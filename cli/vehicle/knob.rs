@@ -46,12 +46,12 @@ impl Knob {
         entries.retain(|entry| {
             let named =
                 only.is_empty() || only.iter().any(|key| entry.key.starts_with(key.as_str()));
-            let own = entry
+            let of_device = entry
                 .key
                 .strip_prefix(device)
                 .is_some_and(|rest| rest.starts_with('.'));
             let around = entry.key.starts_with("world.") && !OF_THE_MODEL.contains(&&*entry.key);
-            named && (own || around)
+            named && (of_device || around)
         });
         entries.iter().flat_map(Self::of).collect()
     }
@@ -140,8 +140,8 @@ impl Knob {
     /// The value as it stands in `settings`.
     pub(super) fn literal_in(&self, settings: &SimSettings) -> String {
         let entries = settings.entries().into_iter();
-        let own = entries.filter(|entry| entry.key == self.key);
-        own.map(|entry| entry.value).next().unwrap_or_default()
+        let same = entries.filter(|entry| entry.key == self.key);
+        same.map(|entry| entry.value).next().unwrap_or_default()
     }
 
     /// The number as it stands in `settings`; 0 for a choice.

@@ -61,9 +61,15 @@ impl Live {
         });
         let ports: Vec<ShownPort> = ports.collect();
         let planned = &plan.devices[0];
-        let reader = |own, link| (planned.device.host.frames)(link, Sender::Device, own);
-        let own = planned.own_settings();
-        let readers = own.map(|own| (0..ports.len()).map(|link| reader(own, link)).collect());
+        let reader = |device_settings, link| {
+            (planned.device.host.frames)(link, Sender::Device, device_settings)
+        };
+        let device_settings = planned.own_settings();
+        let readers = device_settings.map(|device_settings| {
+            (0..ports.len())
+                .map(|link| reader(device_settings, link))
+                .collect()
+        });
         let readers = readers.unwrap_or_default();
         let loaded = Loaded::serving(plan, PathBuf::new(), None)?;
         let mut run = loaded.run(RunOptions {

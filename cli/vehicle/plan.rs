@@ -36,7 +36,7 @@ pub(super) struct PlannedFrame {
 /// The manoeuvres of a device.
 pub(super) fn manoeuvres(
     device: &DeviceSpec,
-    own: &dyn DeviceSettings,
+    device_settings: &dyn DeviceSettings,
 ) -> Result<Vec<Manoeuvre>, String> {
     let source = Source {
         file: "the plan",
@@ -46,14 +46,14 @@ pub(super) fn manoeuvres(
     let all = table.get_ref().get("manoeuvre");
     let all = all.into_iter().flat_map(|all| all.get_ref().as_array());
     all.flatten()
-        .map(|one| manoeuvre(one, device, own))
+        .map(|one| manoeuvre(one, device, device_settings))
         .collect()
 }
 
 fn manoeuvre(
     value: &Spanned<DeValue<'_>>,
     device: &DeviceSpec,
-    own: &dyn DeviceSettings,
+    device_settings: &dyn DeviceSettings,
 ) -> Result<Manoeuvre, String> {
     let text = |key| {
         let text = value
@@ -72,7 +72,8 @@ fn manoeuvre(
         let (every, wait) = (time("every")?, time("wait")?);
         let mut once = Vec::new();
         for message in list(step, "send") {
-            let message = (device.host.read)(message, own).map_err(|error| error.to_string())?;
+            let message =
+                (device.host.read)(message, device_settings).map_err(|error| error.to_string())?;
             once.push((message.link, message.bytes));
         }
         for bytes in list(step, "bytes") {
@@ -134,8 +135,10 @@ pub(super) fn of_device(
     kind: &str,
     settings: &SimSettings,
 ) -> Result<Vec<Manoeuvre>, Failure> {
-    let own = device.and_then(|device| Some((device, settings.of_device(device)?)));
-    let all = own.map(|(device, own)| manoeuvres(device, own)).transpose();
+    let known = device.and_then(|device| Some((device, settings.of_device(device)?)));
+    let all = known
+        .map(|(device, settings)| manoeuvres(device, settings))
+        .transpose();
     let all = all.map_err(|why| Failure::system(anyhow!("the plan of {kind}: {why}")))?;
     let all = all.filter(|all| !all.is_empty());
     all.ok_or_else(|| Failure::usage(anyhow!("there is no plan for {kind} yet")))
@@ -169,12 +172,12 @@ pub(super) fn show(devices: Devices, kind: &str, as_json: bool) -> Result<String
 pub(super) fn touching(device: &DeviceSpec, key: &str) -> String {
     let settings = (device.settings)();
     let all = manoeuvres(device, &*settings).unwrap_or_default();
-    let own = key
+    let within_device = key
         .strip_prefix(device.id)
         .map_or(key, |rest| rest.trim_start_matches('.'));
     let tells = |touched: &String| {
-        own == touched
-            || own
+        within_device == touched
+            || within_device
                 .strip_prefix(touched.as_str())
                 .is_some_and(|rest| rest.starts_with('.'))
     };

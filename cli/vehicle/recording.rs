@@ -417,11 +417,11 @@ impl Recording {
     fn frames(&self, sent: &Sent, sender: Sender, settings: &SimSettings) -> Vec<Timed> {
         let mut all = Vec::new();
         for (port, bytes) in sent {
-            let Some(own) = settings.of_device(self.device) else {
+            let Some(device_settings) = settings.of_device(self.device) else {
                 continue;
             };
             let mut reader: Box<dyn FrameReader> =
-                (self.device.host.frames)(port.link, sender, own);
+                (self.device.host.frames)(port.link, sender, device_settings);
             for (at, byte) in bytes {
                 let found = reader.push(SimTime::from_nanos(*at), *byte).into_iter();
                 let link = port.link;

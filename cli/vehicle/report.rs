@@ -322,11 +322,11 @@ impl Report {
         };
         for line in config::changed_of(entries) {
             // A version has a reason for each of its parts.
-            let own = written.iter().filter(|row| {
+            let of_knob = written.iter().filter(|row| {
                 let key = row.key.split('[').next().unwrap_or_default();
                 line.split(' ').next() == Some(key)
             });
-            let mut reasons: String = own.map(|row| why(row)).collect();
+            let mut reasons: String = of_knob.map(|row| why(row)).collect();
             if reasons.is_empty() {
                 reasons = "# As it was set before.\n".to_owned();
             }

@@ -757,10 +757,10 @@ impl<'a> Search<'a> {
     fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
         let mut found: Vec<Found> = Vec::new();
         let mut swaps = MOST_FOUND;
-        while let Some(own) = (self.changed(&model.settings).into_iter())
+        while let Some(taken_back) = (self.changed(&model.settings).into_iter())
             .find(|at| found.iter().all(|one| one.knob != *at))
         {
-            let knob = &self.knobs[own];
+            let knob = &self.knobs[taken_back];
             let default = knob.default_in(&model.settings);
             let Some(settings) = knob.set(&model.settings, &default) else {
                 break;
@@ -777,11 +777,11 @@ impl<'a> Search<'a> {
             let mut better: Option<Model> = None;
             let literal = knob.literal_in(&model.settings);
             let others = trials.iter().filter(|trial| {
-                (trial.knob != own || trial.step.is_none()) && trial.literal != literal
+                (trial.knob != taken_back || trial.step.is_none()) && trial.literal != literal
             });
             let mut instead = self.best(&without, others, AS_MUCH * saves);
             let mut knobs = BTreeSet::new();
-            instead.retain(|(.., trial)| knobs.insert(trial.knob) || trial.knob == own);
+            instead.retain(|(.., trial)| knobs.insert(trial.knob) || trial.knob == taken_back);
             for (_, part, trial) in instead.into_iter().take(MOST_INSTEAD) {
                 let Some(tried) = self.with(&without, trial, part)? else {
                     continue;
@@ -792,7 +792,7 @@ impl<'a> Search<'a> {
                 if more > self.margin() && swaps > 0 {
                     better = Some(tried);
                 } else if self.gain(&tried, model) < self.margin() {
-                    or.push(match trial.knob == own {
+                    or.push(match trial.knob == taken_back {
                         true => format!("{}={}", knob.key, trial.literal),
                         false => self.knobs[trial.knob].name(),
                     });
@@ -805,7 +805,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             found.push(Found {
-                knob: own,
+                knob: taken_back,
                 literal,
                 number: None,
                 or,
@@ -891,8 +891,8 @@ impl<'a> Search<'a> {
                     false => Verdict::NotDecided,
                 };
             }
-            let own = || trials.iter().filter(|trial| trial.knob == at);
-            if !own().any(|trial| trial.touches) {
+            let tried = || trials.iter().filter(|trial| trial.knob == at);
+            if !tried().any(|trial| trial.touches) {
                 return Verdict::NotTouched;
             }
             let excluded = |trial: &Trial| {
@@ -900,7 +900,7 @@ impl<'a> Search<'a> {
                 self.saved(model, change, 1.0) < -self.margin()
             };
             let doubted = found.iter().any(|one| one.or.contains(&knob.name()));
-            match own().all(excluded) && !doubted {
+            match tried().all(excluded) && !doubted {
                 true => Verdict::Supported,
                 false => Verdict::NotDecided,
             }

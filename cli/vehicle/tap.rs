@@ -112,9 +112,9 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
         let index = link.id.link;
         let planned = &plan.devices[0];
         let readers = planned.own_settings().filter(|_| args.verbose);
-        let readers = readers.map(|own| {
+        let readers = readers.map(|device_settings| {
             [Sender::Client, Sender::Device]
-                .map(|sender| (planned.device.host.frames)(index, sender, own))
+                .map(|sender| (planned.device.host.frames)(index, sender, device_settings))
         });
         let (vehicle, place) = (&args.vehicle[index], &args.client[index]);
         links.push(Link::open(

@@ -97,7 +97,7 @@ impl Drive {
         let drag = wheel.roller_drag * (1.0 + wheel.roller_drag_growth * payload / body.mass);
         self.gear
             .set_drag(self.roller_factors.map(|factor| factor * drag));
-        let own = Mass {
+        let unladen = Mass {
             mass: body.mass,
             inertia: body.yaw_inertia,
             height: body.centre_of_mass_height,
@@ -106,7 +106,7 @@ impl Drive {
         let deck = [body.length, body.width];
         let place = [body.payload_ahead, body.payload_left];
         let carried = Mass::spread(payload, deck, body.payload_height, place);
-        self.gear.set_masses(&own, &carried);
+        self.gear.set_masses(&unladen, &carried);
     }
 
     /// Takes over the velocity that a step really ended with.

@@ -105,9 +105,9 @@ impl MecanumPlant {
     /// Replaces all that is wrong with a wheel; only a change wakes the car. Drag is held within
     /// 0–1000 N·m.
     pub fn set_wheel_faults(&mut self, wheel: Wheel, faults: MotorFaults) {
-        let own = &mut self.wheel_faults[wheel.index()];
-        let before = std::mem::replace(own, faults.within(1e3));
-        if before == *own {
+        let current = &mut self.wheel_faults[wheel.index()];
+        let before = std::mem::replace(current, faults.within(1e3));
+        if before == *current {
             return;
         }
         if faults.blocked {

@@ -89,7 +89,7 @@ impl Drive {
     /// Puts a payload on the deck, kg.
     pub(super) fn set_payload(&mut self, settings: &R150PlantSettings, payload: f64) {
         let body = &settings.body;
-        let own = Mass {
+        let unladen = Mass {
             mass: body.mass,
             inertia: body.yaw_inertia,
             height: body.centre_of_mass_height,
@@ -102,7 +102,7 @@ impl Drive {
             body.payload_height,
             [body.payload_ahead, body.payload_left],
         );
-        self.gear.set_masses(&own, &carried);
+        self.gear.set_masses(&unladen, &carried);
     }
 
     /// Speed of a motor shaft, rad/s.

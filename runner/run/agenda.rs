@@ -37,9 +37,9 @@ impl Agenda {
 
     /// Takes back all that is planned of a step, and gives what it was still to end.
     pub(super) fn take_all_of(&mut self, step: usize) -> Vec<Option<EffectHandle>> {
-        let own =
+        let of_step =
             |place: usize| move |(_, other, ..): &(SimTime, usize, bool, u64)| *other == place;
-        let keys: Vec<_> = self.items.keys().copied().filter(own(step)).collect();
+        let keys: Vec<_> = self.items.keys().copied().filter(of_step(step)).collect();
         let items = keys.iter().filter_map(|key| self.items.remove(key));
         let ends = items.filter_map(|item| match item {
             Item::End(_, effect) => Some(effect),

@@ -72,10 +72,10 @@ impl Run {
     /// Every name of every device, the device's own name before it.
     #[must_use]
     pub fn probes(&self) -> Vec<Probe> {
-        let of_device = |(device, (own, kind)): (usize, (&str, &'static DeviceSpec))| {
-            let own = identifier(own);
+        let of_device = |(device, (device_name, kind)): (usize, (&str, &'static DeviceSpec))| {
+            let device_name = identifier(device_name);
             kind.all_names().map(move |info| Probe {
-                name: format!("{own}.{}", info.name),
+                name: format!("{device_name}.{}", info.name),
                 unit: info.unit,
                 device: Some(device),
                 origin: Origin::Device(device, info.getter),
@@ -88,7 +88,7 @@ impl Run {
     /// A name of one device, without the device's.
     #[must_use]
     pub fn probe_of(&self, device: usize, name: &str) -> Option<Probe> {
-        let own = identifier(&self.scenario().rig.devices.get(device)?.name);
-        self.probe(&format!("{own}.{name}")).ok()
+        let device_name = identifier(&self.scenario().rig.devices.get(device)?.name);
+        self.probe(&format!("{device_name}.{name}")).ok()
     }
 }

@@ -393,7 +393,7 @@ impl Run {
     /// Mends a fault or reverts an action, unless that has been done.
     fn end_effect(&mut self, index: usize, effect: EffectHandle) {
         let state = &mut self.steps[index];
-        let Some(at) = state.effects.iter().position(|own| *own == effect) else {
+        let Some(at) = state.effects.iter().position(|active| *active == effect) else {
             return;
         };
         state.effects.remove(at);
@@ -424,8 +424,8 @@ impl Run {
     /// The faults that steps bring on a device.
     fn faults_of(&self, device: usize) -> impl Iterator<Item = (&Checked, &StepState)> {
         let steps = self.plan.scenario.steps.iter().zip(&self.steps);
-        let own = steps.filter(move |(step, _)| step.device == device);
-        own.filter_map(|(step, state)| Some((step.fault()?, state)))
+        let on_device = steps.filter(move |(step, _)| step.device == device);
+        on_device.filter_map(|(step, state)| Some((step.fault()?, state)))
     }
 
     /// One of a step's times that went on is over.

@@ -63,7 +63,7 @@ fn at_kind(error: ReadError, kind: &Spanned<DeValue<'_>>) -> ReadError {
 
 /// Why a device has no effect of this name under this key.
 fn unknown(key: &str, name: &str, plan: &DevicePlan) -> String {
-    let of_key = |kind: Kind| matches!(kind, Kind::Effect(own) if own == key);
+    let of_key = |kind: Kind| matches!(kind, Kind::Effect(known) if known == key);
     if let Some(renamed) = renamed::find(of_key, name) {
         return renamed.to_string();
     }

@@ -275,12 +275,12 @@ pub(crate) fn read_step(
     let step = checker.step(scenario.steps.len(), &Spanned::new(whole, text));
     checker.problems.into_result()?;
     let mut step = step.ok_or_else(|| FileError::general("it is no step".to_owned()))?;
-    let own = step.name.clone();
+    let step_name = step.name.clone();
     let taken = |name: &str| scenario.steps.iter().any(|step| step.name == name);
     let mut number = 1;
     while taken(&step.name) {
         number += 1;
-        step.name = format!("{own} {number}");
+        step.name = format!("{step_name} {number}");
     }
     Ok((Step { remember, ..step }, checker.saved))
 }
@@ -318,21 +318,21 @@ impl Checker<'_> {
     fn check_device_names(&mut self) {
         let mut seen = BTreeMap::new();
         for (name, _) in &self.devices {
-            let own = identifier(name);
+            let identified = identifier(name);
             let group = self
                 .rig
                 .settings
                 .table()
                 .iter()
                 .flat_map(|device| device.all_names())
-                .any(|info| info.name.split('.').next() == Some(own.as_str()));
-            let why = if own.starts_with(|first: char| first.is_ascii_digit())
-                || ["t", "saved", "param"].contains(&own.as_str())
+                .any(|info| info.name.split('.').next() == Some(identified.as_str()));
+            let why = if identified.starts_with(|first: char| first.is_ascii_digit())
+                || ["t", "saved", "param"].contains(&identified.as_str())
                 || group
             {
                 Some(format!("in a scenario no device can be named \"{name}\""))
             } else {
-                seen.insert(own, *name)
+                seen.insert(identified, *name)
                     .map(|other| format!("conditions cannot tell \"{name}\" from \"{other}\""))
             };
             if let Some(why) = why {

@@ -108,11 +108,11 @@ fn by_name<'t>(base: Spanned<DeValue<'t>>, over: Spanned<DeValue<'t>>) -> Spanne
         let name = name_of(&value);
         let same = all
             .iter()
-            .position(|own| name.is_some() && name_of(own) == name);
+            .position(|base| name.is_some() && name_of(base) == name);
         match same {
             Some(index) => {
-                let own = all.remove(index);
-                all.insert(index, changed(own, value));
+                let base = all.remove(index);
+                all.insert(index, changed(base, value));
             }
             None => all.push(value),
         }
@@ -128,28 +128,28 @@ fn name_of(value: &Spanned<DeValue<'_>>) -> Option<String> {
 }
 
 /// An element with keys changed.
-fn changed<'t>(own: Spanned<DeValue<'t>>, by: Spanned<DeValue<'t>>) -> Spanned<DeValue<'t>> {
+fn changed<'t>(base: Spanned<DeValue<'t>>, by: Spanned<DeValue<'t>>) -> Spanned<DeValue<'t>> {
     let span = by.span();
-    let (mut own, by) = match (own.into_inner(), by.into_inner()) {
-        (DeValue::Table(own), DeValue::Table(by)) => (own, by),
+    let (mut base, by) = match (base.into_inner(), by.into_inner()) {
+        (DeValue::Table(base), DeValue::Table(by)) => (base, by),
         (_, by) => return Spanned::new(span, by),
     };
     for keys in EXCLUSIVE {
         if keys.iter().any(|key| by.contains_key(*key)) {
             for key in keys {
-                own.remove(*key);
+                base.remove(*key);
             }
         }
     }
     for (key, value) in by {
-        let before = own.remove(key.get_ref().as_ref());
+        let before = base.remove(key.get_ref().as_ref());
         let value = match before {
             Some(before) if *key.get_ref() == "settings" => deeply(before, value),
             _ => value,
         };
-        own.insert(key, value);
+        base.insert(key, value);
     }
-    Spanned::new(span, DeValue::Table(own))
+    Spanned::new(span, DeValue::Table(base))
 }
 
 fn deeply<'t>(base: Spanned<DeValue<'t>>, over: Spanned<DeValue<'t>>) -> Spanned<DeValue<'t>> {
@@ -182,7 +182,7 @@ impl<'t> Parameters<'t> {
         let mut all = BTreeMap::new();
         let table = root
             .get("parameters")
-            .and_then(|own| own.get_ref().as_table());
+            .and_then(|given| given.get_ref().as_table());
         for (name, value) in table.into_iter().flatten() {
             let letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
             if !name.get_ref().chars().all(letter)
@@ -196,9 +196,9 @@ impl<'t> Parameters<'t> {
                     let why = "a parameter is a text, a number, true or false";
                     problems.add(value.span(), why);
                 }
-                own => {
+                given => {
                     let put = Put::At(value.span().start);
-                    all.insert(name.get_ref().to_string(), (own.clone(), put));
+                    all.insert(name.get_ref().to_string(), (given.clone(), put));
                 }
             }
         }
@@ -227,13 +227,13 @@ impl<'t> Parameters<'t> {
             _ => None,
         };
         let all = self.0.iter();
-        all.filter_map(|(name, (own, _))| Some((name.clone(), value(own)?)))
+        all.filter_map(|(name, (given, _))| Some((name.clone(), value(given)?)))
             .collect()
     }
 
     /// Those that are texts, and where their values come from.
     pub(super) fn texts(&self) -> Vec<(String, Put)> {
-        let texts = self.0.iter().filter(|(_, (own, _))| own.is_str());
+        let texts = self.0.iter().filter(|(_, (given, _))| given.is_str());
         texts
             .map(|(name, (_, put))| (name.clone(), put.clone()))
             .collect()

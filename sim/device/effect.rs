@@ -464,8 +464,8 @@ impl Change {
         restore: impl FnOnce(&mut D, SimTime) + Send + Sync + 'static,
     ) -> Self {
         Self::new(of, changed, |device, _, now| {
-            if let Some(own) = device.get_mut() {
-                restore(own, now);
+            if let Some(typed) = device.get_mut() {
+                restore(typed, now);
             }
         })
     }

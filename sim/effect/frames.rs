@@ -143,14 +143,14 @@ impl Effect for FrameFault {
 
     fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
         let kind = self.clone();
-        let mut own = Frames::new(at, self.scope(), move |framing, frame, before| {
+        let mut on_frames = Frames::new(at, self.scope(), move |framing, frame, before| {
             kind.change(framing, frame, before)
         });
         if let Self::UnsolicitedFrame { every, .. } = self {
-            own.every = every.map(|every| every.0);
-            own.due = Some(at.now);
+            on_frames.every = every.map(|every| every.0);
+            on_frames.due = Some(at.now);
         }
-        Ok(Work::Frames(Box::new(own)))
+        Ok(Work::Frames(Box::new(on_frames)))
     }
 }
 

@@ -94,18 +94,18 @@ impl MotorFault {
         self.scope().motors.unwrap_or(Motors::All)
     }
 
-    fn add_to(&self, own: &mut MotorFaults, usual_drag: f64) {
+    fn add_to(&self, motor: &mut MotorFaults, usual_drag: f64) {
         match self {
-            Self::Blocked { .. } => own.blocked = true,
+            Self::Blocked { .. } => motor.blocked = true,
             Self::Dragging { torque, .. } => {
-                own.drag_torque += torque.map_or(usual_drag, |torque| torque.0.abs());
+                motor.drag_torque += torque.map_or(usual_drag, |torque| torque.0.abs());
             }
-            Self::FreeWheeling { .. } => own.free_wheeling = true,
-            Self::EncoderLost { .. } => own.encoder = EncoderState::Lost,
-            Self::EncoderStuck { .. } => own.encoder = EncoderState::Stuck,
-            Self::WiredBackwards { .. } => own.reversed = !own.reversed,
-            Self::BrakeStuckOn { .. } => own.brake_stuck_on = true,
-            Self::BrakeStuckOpen { .. } => own.brake_stuck_open = true,
+            Self::FreeWheeling { .. } => motor.free_wheeling = true,
+            Self::EncoderLost { .. } => motor.encoder = EncoderState::Lost,
+            Self::EncoderStuck { .. } => motor.encoder = EncoderState::Stuck,
+            Self::WiredBackwards { .. } => motor.reversed = !motor.reversed,
+            Self::BrakeStuckOn { .. } => motor.brake_stuck_on = true,
+            Self::BrakeStuckOpen { .. } => motor.brake_stuck_open = true,
         }
     }
 

@@ -166,7 +166,7 @@ crate::faults! {
 impl Effect for WireFault {
     fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
         let scope = self.scope();
-        let mut own = AtWork {
+        let mut at_work = AtWork {
             kind: self.clone(),
             ways: Way::ALL.map(|way| OneWay {
                 acts: match scope.direction {
@@ -185,9 +185,9 @@ impl Effect for WireFault {
             scope,
         };
         for way in Way::ALL {
-            own.schedule_noise(at.now, way);
+            at_work.schedule_noise(at.now, way);
         }
-        Ok(Work::Bytes(Box::new(own)))
+        Ok(Work::Bytes(Box::new(at_work)))
     }
 
     fn holds_back(&self) -> Duration {
@@ -267,14 +267,14 @@ impl OnBytes for AtWork {
     }
 
     fn due(&self) -> Option<SimTime> {
-        self.ways.iter().filter_map(|own| own.noise_due).min()
+        self.ways.iter().filter_map(|state| state.noise_due).min()
     }
 
     /// Only an idle line makes noise.
     fn add(&mut self, now: SimTime, way: Way, idle: bool, tally: &mut Tally) -> Option<u8> {
-        let own = &mut self.ways[way.index()];
-        own.noise_due.filter(|due| *due <= now)?;
-        let byte = own.noise.byte();
+        let state = &mut self.ways[way.index()];
+        state.noise_due.filter(|due| *due <= now)?;
+        let byte = state.noise.byte();
         self.schedule_noise(now, way);
         if !idle || !tally.is_below(self.scope.count) {
             return None;
@@ -295,13 +295,13 @@ impl AtWork {
     ) {
         let more = tally.is_below(self.scope.count);
         let chance = self.scope.probability.0;
-        let own = &mut self.ways[way.index()];
+        let state = &mut self.ways[way.index()];
         // A draw for each byte, whether it is used or not, so that the limit shifts nothing.
-        let mut happens = || own.noise.uniform() < chance && more;
+        let mut happens = || state.noise.uniform() < chance && more;
         match &self.kind {
             WireFault::BitFlips { .. } => {
                 let hit = happens();
-                let bit = own.noise.below(8);
+                let bit = state.noise.below(8);
                 if hit {
                     tally.hit(|| format!("bit {bit} of a byte 0x{byte:02X} {way}"));
                     bytes.push((at, byte ^ 1 << bit));
@@ -326,7 +326,7 @@ impl AtWork {
             }
             WireFault::InsertedBytes { .. } => {
                 let hit = happens();
-                let foreign = own.noise.byte();
+                let foreign = state.noise.byte();
                 if hit {
                     tally.hit(|| format!("0x{foreign:02X} before a byte 0x{byte:02X} {way}"));
                     bytes.push((at, foreign));
@@ -336,20 +336,20 @@ impl AtWork {
             WireFault::Burst { length, .. } => {
                 let length = (*length).max(1);
                 let begins = happens();
-                let garbage = own.noise.byte();
-                if own.counted == 0 && begins {
+                let garbage = state.noise.byte();
+                if state.counted == 0 && begins {
                     tally.hit(|| format!("{length} bytes from a byte 0x{byte:02X} {way}"));
-                    own.counted = length;
+                    state.counted = length;
                 }
-                if own.counted > 0 {
-                    own.counted -= 1;
+                if state.counted > 0 {
+                    state.counted -= 1;
                     bytes.push((at, garbage));
                 } else {
                     bytes.push((at, byte));
                 }
             }
             WireFault::Delay { by, jitter, .. } => {
-                let late = by.0.saturating_add(jitter.0.mul_f64(own.noise.uniform()));
+                let late = by.0.saturating_add(jitter.0.mul_f64(state.noise.uniform()));
                 if !late.is_zero() {
                     tally.hit(|| format!("a byte 0x{byte:02X} {way} by {late:?}"));
                 }
@@ -357,18 +357,18 @@ impl AtWork {
             }
             WireFault::Fragmentation { size, pause, .. } => {
                 let (size, pause) = ((*size).max(1), pause.0);
-                let gap = at.since(own.last) > pause;
-                let mut at = at.max(own.last);
+                let gap = at.since(state.last) > pause;
+                let mut at = at.max(state.last);
                 if gap {
-                    own.counted = 0;
+                    state.counted = 0;
                 }
-                if own.counted == size {
-                    own.counted = 0;
-                    at = before_max(at.max(own.last), pause);
+                if state.counted == size {
+                    state.counted = 0;
+                    at = before_max(at.max(state.last), pause);
                     tally.hit(|| format!("{pause:?} after {size} bytes {way}"));
                 }
-                own.counted += 1;
-                own.last = at;
+                state.counted += 1;
+                state.last = at;
                 bytes.push((at, byte));
             }
             WireFault::Stall { .. } => {
@@ -386,11 +386,11 @@ impl AtWork {
     }
 
     fn schedule_noise(&mut self, now: SimTime, way: Way) {
-        let own = &mut self.ways[way.index()];
-        if let (WireFault::IdleNoise { every, .. }, true) = (&self.kind, own.acts) {
+        let state = &mut self.ways[way.index()];
+        if let (WireFault::IdleNoise { every, .. }, true) = (&self.kind, state.acts) {
             // Evenly spread from nothing to twice the mean, but never at once again.
-            let wait = every.0.mul_f64(2.0 * own.noise.uniform());
-            own.noise_due = Some(now + wait.max(Duration::from_micros(1)));
+            let wait = every.0.mul_f64(2.0 * state.noise.uniform());
+            state.noise_due = Some(now + wait.max(Duration::from_micros(1)));
         }
     }
 }

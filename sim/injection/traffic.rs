@@ -26,9 +26,9 @@ impl Injection {
                 return;
             };
             for armed in &mut self.armed {
-                if let Work::Bytes(own) = &mut armed.work
+                if let Work::Bytes(on_bytes) = &mut armed.work
                     && armed.link == link
-                    && let Some(byte) = own.add(now, way, idle[way.index()], &mut armed.tally)
+                    && let Some(byte) = on_bytes.add(now, way, idle[way.index()], &mut armed.tally)
                 {
                     stage[way.index()].push(now, byte);
                 }
@@ -46,7 +46,7 @@ impl Injection {
     /// Returns whether all that a line carries can wait for the client of a link, who does not read.
     pub(crate) fn has_room(&self, link: usize) -> bool {
         let stages = self.stages.get(link);
-        stages.is_none_or(|own| own[Way::ToClient.index()].room() >= MOST_IN_FLIGHT)
+        stages.is_none_or(|both_ways| both_ways[Way::ToClient.index()].room() >= MOST_IN_FLIGHT)
     }
 
     fn pass(&mut self, now: SimTime, link: usize, way: Way, byte: u8) {
@@ -106,10 +106,10 @@ impl Injection {
     pub(crate) fn send(&mut self, now: SimTime, link: usize, frame: Vec<u8>) -> Vec<Vec<u8>> {
         let mut frames = vec![(now, frame)];
         for armed in &mut self.armed {
-            if let Work::Frames(own) = &mut armed.work
+            if let Work::Frames(on_frames) = &mut armed.work
                 && armed.link == link
             {
-                own.pass(&mut frames, &mut armed.tally);
+                on_frames.pass(&mut frames, &mut armed.tally);
             }
         }
         let mut at_once = Vec::new();
@@ -134,7 +134,7 @@ impl Injection {
         self.armed
             .iter_mut()
             .find_map(|armed| match &mut armed.work {
-                Work::Frames(own) => own
+                Work::Frames(on_frames) => on_frames
                     .send(now, &mut armed.tally)
                     .map(|frame| (armed.link, frame)),
                 _ => None,
@@ -179,13 +179,13 @@ impl Injection {
             .stages
             .iter()
             .filter_map(|stage| stage[Way::ToDevice.index()].next());
-        let own = self.armed.iter().filter_map(|armed| match &armed.work {
+        let from_faults = self.armed.iter().filter_map(|armed| match &armed.work {
             Work::Bytes(bytes) => bytes.due(),
             Work::Frames(frames) => frames.due(),
             Work::Hardware(_) | Work::Done(_) => None,
         });
         let late = self.late.keys().next().map(|(at, _)| *at);
-        to_device.chain(own).chain(late).min()
+        to_device.chain(from_faults).chain(late).min()
     }
 
     /// Time at which the next byte arrives at the client of a link.

@@ -147,8 +147,8 @@ impl Direction {
             return;
         }
         let kept = self.garbled.take();
-        let kept =
-            kept.filter(|(receiver, own)| *own == speeds && receiver.pending() < MOST_IN_FLIGHT);
+        let kept = kept
+            .filter(|(receiver, known)| *known == speeds && receiver.pending() < MOST_IN_FLIGHT);
         let (mut receiver, _) =
             kept.unwrap_or_else(|| (Receiver::new(speeds[0], speeds[1]), speeds));
         receiver.hear(&[sent.byte]);

@@ -10,7 +10,11 @@ impl Rig {
     /// Ends a fault, if it is one that is armed.
     pub(super) fn disarm(&mut self, handle: EffectHandle) {
         let now = self.now;
-        let arms = |slot: &Slot| slot.faults.as_ref().is_some_and(|own| own.arms(handle));
+        let arms = |slot: &Slot| {
+            slot.faults
+                .as_ref()
+                .is_some_and(|injection| injection.arms(handle))
+        };
         let Some(device) = self.slots.iter().position(arms) else {
             return;
         };
@@ -22,9 +26,9 @@ impl Rig {
         let Some(faults) = &mut slot.faults else {
             return;
         };
-        let own = slot.device.as_mut();
+        let target = slot.device.as_mut();
         let ended = faults.disarm(now, handle);
-        faults.apply(now, own, &mut self.world);
+        faults.apply(now, target, &mut self.world);
         slot.set_faulty_ends(now);
         if let Some((name, info)) = ended.filter(|(_, info)| info.is_fault()) {
             let event = EventKind::of_fault(code::FAULT_CLEARED, &name, info.id, "cleared");
@@ -70,8 +74,8 @@ impl Rig {
             return;
         };
         faults.report(|handle, name, info, hits, first| {
-            if let Some(own) = self.fault_hits.get_mut(&handle) {
-                *own = hits;
+            if let Some(total) = self.fault_hits.get_mut(&handle) {
+                *total = hits;
             }
             if let Some(what) = first.filter(|_| info.is_fault()) {
                 let what = format!("triggered: {what}");

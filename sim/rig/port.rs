@@ -56,7 +56,7 @@ impl Rig {
         let now = self.now;
         let event = self
             .line_mut(port)
-            .and_then(|own| own.set_client_line(now, line));
+            .and_then(|serial_line| serial_line.set_client_line(now, line));
         self.line_event(port, event);
         self.reschedule(port.device);
     }
@@ -155,8 +155,9 @@ impl Rig {
             let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
             let faults = slot.faults.as_ref();
             let next = arrivals.chain(faults.and_then(|faults| faults.next()));
-            let own = self.deadlines.of(device);
-            self.deadlines.set(device, next.fold(own, SimTime::min));
+            let of_device = self.deadlines.of(device);
+            self.deadlines
+                .set(device, next.fold(of_device, SimTime::min));
         }
     }
 

@@ -159,13 +159,13 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
 /// When a device next has something to do.
 fn next(slot: &Slot) -> SimTime {
     let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
-    let own = arrivals.chain(slot.device.next_deadline()).min();
+    let of_device = arrivals.chain(slot.device.next_deadline()).min();
     let Some(faults) = &slot.faults else {
-        return own.unwrap_or(SimTime::MAX);
+        return of_device.unwrap_or(SimTime::MAX);
     };
     // Faults of the wire act on bytes to the client when they arrive, too.
     let lines = slot.lines.iter().filter(|_| faults.act_on_wire());
     let to_client = lines.filter_map(SerialLine::next_off_wire);
-    let all = to_client.chain(faults.next()).chain(own);
+    let all = to_client.chain(faults.next()).chain(of_device);
     all.min().unwrap_or(SimTime::MAX)
 }

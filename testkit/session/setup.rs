@@ -87,8 +87,8 @@ pub(crate) fn add(
 }
 
 fn of_device<'s>(settings: &'s SimSettings, device: &DeviceSpec) -> &'s dyn DeviceSettings {
-    let own = settings.of_device(device);
-    own.unwrap_or_else(|| panic!("{device:?} has no settings"))
+    let found = settings.of_device(device);
+    found.unwrap_or_else(|| panic!("{device:?} has no settings"))
 }
 
 /// Walls within reach, a slope, a strip, and a tag under the car.

@@ -43,9 +43,9 @@ pub(super) fn read(
         names.join(", ")
     );
     let mut rows = Vec::new();
-    for (device, own) in devices {
+    for (device, of_one) in devices {
         if let Some(link) = chosen.iter().position(|one| *one == name(&device)) {
-            rows.extend(own.into_iter().map(|row| Row { link, ..row }));
+            rows.extend(of_one.into_iter().map(|row| Row { link, ..row }));
         }
     }
     rows.sort_by_key(|row| row.at);

@@ -88,10 +88,10 @@ impl Checker<'_> {
         let found = self
             .devices
             .iter()
-            .position(|(own, _)| own == name.get_ref());
+            .position(|(known, _)| known == name.get_ref());
         let found = found.ok_or_else(|| {
-            let own: Vec<&str> = self.devices.iter().map(|(own, _)| *own).collect();
-            let allowed = or_allowed(name.get_ref(), &own);
+            let known: Vec<&str> = self.devices.iter().map(|(name, _)| *name).collect();
+            let allowed = or_allowed(name.get_ref(), &known);
             format!("no device is named \"{}\"; {allowed}", name.get_ref())
         });
         self.problems.take(name.span(), found)
@@ -140,12 +140,12 @@ impl Checker<'_> {
         device: Option<usize>,
     ) -> Option<StepAction> {
         // A step that is added is a separate text.
-        let own = element(&self.tables, "step", index);
-        let own = own.unwrap_or(&self.tables).clone();
+        let as_written = element(&self.tables, "step", index);
+        let as_written = as_written.unwrap_or(&self.tables).clone();
         let plan = device.map(|device| (device, &self.rig.devices[device]));
         let mut actions = Vec::new();
         if let Some(host) = &text.host {
-            let send = table(&own, "host").and_then(|host| host.get("send"));
+            let send = table(&as_written, "host").and_then(|host| host.get("send"));
             let read = plan.and_then(|plan| {
                 let reader = HostReader {
                     plan,
@@ -168,7 +168,7 @@ impl Checker<'_> {
             ("world", &text.world),
         ];
         for (key, text) in effects {
-            let (Some(text), Some(value)) = (text, own.get(key)) else {
+            let (Some(text), Some(value)) = (text, as_written.get(key)) else {
                 continue;
             };
             let checked = plan.and_then(|(_, plan)| {
@@ -255,19 +255,24 @@ impl Checker<'_> {
         let mut remembered = Vec::new();
         for (name, value) in &text.remember {
             let read = Condition::parse_typed(value.get_ref(), &self.scope());
-            let own = name.get_ref();
+            let saved_name = name.get_ref();
             let Some((value, is_flag)) = self.problems.take(value.span(), read) else {
-                self.not_saved.push(own.clone());
+                self.not_saved.push(saved_name.clone());
                 continue;
             };
-            let known = self.saved.iter().position(|saved| saved.name == *own);
+            let known = self
+                .saved
+                .iter()
+                .position(|saved| saved.name == *saved_name);
             let letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
             let index = known.unwrap_or(self.saved.len());
-            if !own.chars().all(letter) || own.starts_with(|c: char| c.is_ascii_digit()) {
+            if !saved_name.chars().all(letter)
+                || saved_name.starts_with(|c: char| c.is_ascii_digit())
+            {
                 let why = "a name for conditions has letters, digits and _, and no digit first";
                 self.problems.add(name.span(), why);
             } else if known.is_none() {
-                let name = own.clone();
+                let name = saved_name.clone();
                 self.saved.push(Saved { name, is_flag });
             } else if self.saved[index].is_flag != is_flag {
                 let why = "another step remembers something of another kind by this name";
