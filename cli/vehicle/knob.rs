@@ -8,6 +8,8 @@ const TIME_STEP: f64 = 0.01;
 /// First change of other numbers, as a part of their value, or of their range if that is 0.
 const STEP: f64 = 0.2;
 
+/// Parts of the names of settings that only say how far chance goes.
+const CHANCE: [&str; 3] = [".noise.", ".tolerance.", "spread"];
 /// Settings of the calculation, which no vehicle has.
 const OF_THE_MODEL: [&str; 2] = ["world.step", "world.tolerances"];
 /// Speeds that a line is tried with: those that are usual.
@@ -23,6 +25,10 @@ pub(super) struct Knob {
     pub(super) choices: Vec<String>,
     /// How much a number is first changed; 0 for a choice.
     pub(super) step: f64,
+    /// How much that is of its value, if it is changed by factors.
+    ratio: Option<f64>,
+    /// Set if it only says how far chance goes.
+    pub(super) is_chance: bool,
     form: Form,
 }
 
@@ -71,6 +77,8 @@ impl Knob {
             default: entry.value.clone(),
             choices: Vec::new(),
             step,
+            ratio: None,
+            is_chance: CHANCE.iter().any(|part| entry.key.contains(part)),
             form,
         };
         if let Some(choices) = choices {
@@ -87,7 +95,10 @@ impl Knob {
             let all: Option<Vec<_>> = list.split(',').map(quantity).collect();
             let (all, units): (Vec<_>, Vec<_>) = all.into_iter().flatten().unzip();
             let unit = units.first();
-            let scaled = unit.map(|unit| knob(0.02, Form::Scaled(all, unit.clone())));
+            let scaled = unit.map(|unit| Self {
+                ratio: Some(0.02),
+                ..knob(0.02, Form::Scaled(all, unit.clone()))
+            });
             return scaled.into_iter().collect();
         }
         // Off is a separate choice, which is not tried.
@@ -102,11 +113,15 @@ impl Knob {
             (true, true) => TIME_STEP,
             (true, false) => end.map_or(1.0, |(end, _)| end / 100.0),
         };
+        let ratio = (value > 0.0 && unit != "degC").then_some(STEP);
         let form = match entry.whole {
             true => Form::Whole(unit),
             false => Form::One(unit),
         };
-        vec![knob(step, form)]
+        vec![Self {
+            ratio,
+            ..knob(step, form)
+        }]
     }
 
     /// The number as a literal, where the others of a version stand in `settings`.
@@ -149,7 +164,38 @@ impl Knob {
         self.number_of(&self.literal_in(settings))
     }
 
-    fn number_of(&self, literal: &str) -> f64 {
+    /// Returns whether it is changed by factors.
+    pub(super) fn is_ratio(&self) -> bool {
+        self.ratio.is_some()
+    }
+
+    /// The number that is so many of its steps beyond another.
+    pub(super) fn beyond(&self, number: f64, steps: f64) -> f64 {
+        match self.ratio {
+            Some(ratio) if number > 0.0 => number * (ratio * steps).exp(),
+            _ => number + self.step * steps,
+        }
+    }
+
+    /// How many of its steps a number is beyond another.
+    pub(super) fn steps_between(&self, from: f64, to: f64) -> f64 {
+        match self.ratio {
+            Some(ratio) if from > 0.0 && to > 0.0 => (to / from).ln() / ratio,
+            _ => (to - from) / self.step,
+        }
+    }
+
+    /// The settings with this number so many steps off, or by as much of that as is allowed.
+    pub(super) fn moved(&self, settings: &SimSettings, steps: f64) -> Option<SimSettings> {
+        let number = self.number_in(settings);
+        let parts = [1.0, 0.5, 0.25, 0.1].into_iter();
+        let mut moved =
+            parts.map(|part| self.set_number(settings, self.beyond(number, part * steps)));
+        moved.find_map(|settings| settings)
+    }
+
+    /// The number of a literal; 0 for a choice.
+    pub(super) fn number_of(&self, literal: &str) -> f64 {
         let text = literal.trim_matches(['"', '[', ']']);
         let number = match &self.form {
             Form::Choice => None,

@@ -17,11 +17,13 @@ const ADAPTER: f64 = 2.0;
 #[derive(Debug, Clone)]
 pub(super) struct Cell {
     /// Whether there is a reply; `None` if that is chance.
-    answers: Option<bool>,
+    pub(super) answers: Option<bool>,
     pub(super) form: Option<(&'static str, Option<u8>, usize)>,
     pub(super) mean: Vec<f64>,
     /// Standard deviations; infinite for a bit that is chance.
     pub(super) sd: Vec<f64>,
+    /// Variance of the mean, which without noise is another, since noise has ends and pulses are whole.
+    off: Vec<f64>,
 }
 
 /// Channels of the replies of a recording, by form.
@@ -58,8 +60,15 @@ pub(super) fn cells(
     let slots = recording.slots.iter().enumerate();
     let mut cells: Vec<Cell> = slots.map(|(at, _)| cell(plays, at, layout)).collect();
     for (cell, quiet) in cells.iter_mut().zip(quiet) {
-        if let Some(quiet) = quiet.as_ref().filter(|quiet| Some(quiet.form) == cell.form) {
-            cell.mean[1..].copy_from_slice(&quiet.values[1..]);
+        let Some(quiet) = quiet.as_ref().filter(|quiet| Some(quiet.form) == cell.form) else {
+            continue;
+        };
+        cell.off = vec![0.0; cell.mean.len()];
+        for (channel, value) in quiet.values.iter().enumerate().skip(1) {
+            let off = (cell.mean[channel] - value).powi(2);
+            let by_chance = cell.sd[channel].powi(2) / plays.len() as f64;
+            cell.off[channel] = (off - by_chance).max(0.0);
+            cell.mean[channel] = *value;
         }
     }
     // Of a channel as a whole.
@@ -99,7 +108,8 @@ pub(super) fn cells(
             // Of so few plays, one reply has about that of all.
             let usual = usual[&(cells[at].form, channel)];
             let sd = cells[at].sd[channel];
-            let sd = if sd > 2.5 * usual { sd } else { usual };
+            let sd = if sd > 2.0 * usual { sd } else { usual };
+            let off = cells[at].off.get(channel).copied().unwrap_or(0.0);
             // The mean is a whole number on the wire, or that of the plays.
             let is_rounded = channel > 0 && info.is_some_and(|info| !info.is_hex);
             let round = f64::from(is_rounded) / 12.0;
@@ -108,7 +118,7 @@ pub(super) fn cells(
                 0 => jitter,
                 _ => (jitter + late) * slope,
             };
-            cells[at].sd[channel] = (sd * sd + round + jitter * jitter + 1e-6).sqrt();
+            cells[at].sd[channel] = (sd * sd + off + round + jitter * jitter + 1e-6).sqrt();
         }
     }
     // A vehicle that is played is as noisy as the model.
@@ -202,6 +212,7 @@ impl Cell {
             answers: Some(reply.is_some()),
             form: reply.map(|reply| reply.form),
             sd: mean.iter().map(|value| 1.0 + 0.01 * value.abs()).collect(),
+            off: Vec::new(),
             mean,
         }
     }
@@ -266,6 +277,19 @@ impl Cell {
     /// How badly a reply fits it. What is far off costs little more than what is twice as far, but more: a
     /// change that leaves it half as far off shows.
     pub(super) fn cost(&self, seen: Option<&Reply>, layout: &Layout, is_real: bool) -> f64 {
+        let numbers =
+            seen.filter(|seen| Some(seen.form) == self.form && self.answers != Some(false));
+        let channels = numbers.map_or(&[][..], |seen| layout.channels(seen));
+        let each = channels.iter().enumerate().filter_map(|(channel, info)| {
+            let rest = seen?.values.get(channel)? - self.mean.get(channel)?;
+            let z = significant(rest, channel, is_real) / self.sd[channel];
+            (!info.is_choice).then(|| cost(z))
+        });
+        self.cost_of_form(seen, layout) + each.sum::<f64>()
+    }
+
+    /// The part of its cost that is of bits, and of what is there on one side only.
+    pub(super) fn cost_of_form(&self, seen: Option<&Reply>, layout: &Layout) -> f64 {
         let absent = |values: &[f64]| DIFFERENT * (1.0 + values.len() as f64);
         match (seen, self.answers) {
             (None, Some(false) | None) => 0.0,
@@ -275,16 +299,12 @@ impl Cell {
                 answers.map_or(0.0, |_| absent(&seen.values))
             }
             (Some(seen), _) => {
-                let channels = layout.channels(seen).iter().enumerate();
-                let each = channels.filter_map(|(channel, info)| {
-                    let rest = seen.values.get(channel)? - self.mean.get(channel)?;
-                    let sd = self.sd[channel];
-                    if info.is_choice {
-                        return (rest != 0.0 && sd == 0.0).then_some(DIFFERENT);
-                    }
-                    Some(cost(significant(rest, channel, is_real) / sd))
+                let channels = layout.channels(seen).iter().zip(&self.sd);
+                let values = seen.values.iter().zip(&self.mean);
+                let differ = channels.zip(values).filter(|((info, sd), (seen, mean))| {
+                    info.is_choice && **sd == 0.0 && seen != mean
                 });
-                each.sum()
+                DIFFERENT * differ.count() as f64
             }
         }
     }

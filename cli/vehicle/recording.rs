@@ -54,6 +54,7 @@ pub(super) struct Recording {
 }
 
 /// Something that is compared: a request, or a message that the device sends by itself.
+#[derive(Clone)]
 pub(super) struct Slot {
     /// Time at which the request was complete, ns.
     pub(super) at: u64,
@@ -305,6 +306,23 @@ impl Recording {
             leave_out(&recording.stalls, &mut recording.slots);
         }
         Ok(recording)
+    }
+
+    /// So many parts of several of it, from its beginning on.
+    pub(super) fn beginning(&self, part: usize, of: usize) -> Self {
+        let count = (self.slots.len() * part / of).max(1);
+        let last = self.slots[count - 1].at;
+        let later = |act: &Record| matches!(act, Record::In { t, .. } if *t > last);
+        let acts = self.acts.iter().take_while(|act| !later(act));
+        Self {
+            header: self.header.clone(),
+            acts: acts.cloned().collect(),
+            slots: self.slots[..count].to_vec(),
+            seen: self.seen[..count].to_vec(),
+            stalls: Vec::new(),
+            end: self.end.min(SimTime::from_nanos(last + PATIENCE)),
+            ..*self
+        }
     }
 
     /// Puts poses beside it. Without an offset, `settings` say when the vehicle moves.

@@ -1,0 +1,425 @@
+//! Search for changes, over longer and longer beginnings of the recordings.
+//!
+//! A reply depends on what was before it only. So few settings act in a short beginning, and what was found
+//! there holds in the rest.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use nalgebra::DVector;
+use rigsim_core::settings::SimSettings;
+
+use super::super::model::{Cell, cost};
+use super::super::recording::Recording;
+use super::{Model, Search, Trial};
+
+/// Beginnings that are searched one after the other.
+const BEGINNINGS: usize = 8;
+/// How many times wider than they are deviations are taken, one after the other: what is far off has no slope.
+const SCALES: [f64; 2] = [10.0, 1.0];
+/// Most sets of changes that are kept, and changes that are added to each.
+const KEPT: usize = 2;
+const ADDED: usize = 4;
+/// How many times the mean of chance is still chance.
+const CHANCE: f64 = 1.1;
+/// Cost by first order from which on it is not tried to take a change back.
+const NEEDED: f64 = 1000.0;
+
+/// Settings, by what was changed: choices with their values.
+type Set = Vec<(usize, String)>;
+
+/// What a trial promises if the numbers follow.
+pub(super) struct Promise<'t> {
+    pub(super) saves: f64,
+    /// Part of its change.
+    part: f64,
+    /// Steps of the numbers for a whole of it.
+    follow: Vec<f64>,
+    /// Set if it is what is there, or bits, that it changes for the better.
+    is_form: bool,
+    pub(super) trial: &'t Trial,
+}
+
+impl Search<'_> {
+    /// The settings by which the model does what was recorded.
+    pub(super) fn grown(&self) -> Result<SimSettings, String> {
+        let mut kept = vec![self.base.clone()];
+        for part in 1..=BEGINNINGS {
+            let recordings = self.recordings.iter();
+            let recordings: Vec<Recording> = recordings
+                .map(|one| one.beginning(part, BEGINNINGS))
+                .collect();
+            let beginning = Search {
+                recordings: &recordings,
+                vehicle: recordings.iter().map(|one| one.seen.clone()).collect(),
+                base: self.base.clone(),
+                knobs: self.knobs.clone(),
+                noise: self.noise.clone(),
+                progress: self.progress.clone(),
+            };
+            let is_explained = beginning.is_explained(&beginning.model(&kept[0], 1.0)?);
+            if part < BEGINNINGS && is_explained {
+                continue;
+            }
+            let mut idle = None;
+            for scale in SCALES {
+                let is_last = part == BEGINNINGS && scale == 1.0;
+                kept = beginning.grow(kept, scale, is_last, &mut idle)?;
+            }
+        }
+        let mut model = self.model(&kept[0], 1.0)?;
+        let numbers = self.numbers(&model.settings);
+        for at in &numbers {
+            model = self.bisect(model, *at)?;
+        }
+        Ok(self.polish(model, &numbers)?.settings)
+    }
+
+    /// Adds changes and takes them back, from several sets of them on; returns the best sets.
+    fn grow(
+        &self,
+        kept: Vec<SimSettings>,
+        scale: f64,
+        is_last: bool,
+        idle: &mut Option<BTreeSet<usize>>,
+    ) -> Result<Vec<SimSettings>, String> {
+        let mut known: BTreeSet<Set> = BTreeSet::new();
+        let mut all: Vec<(f64, bool, Model)> = Vec::new();
+        for settings in kept {
+            let mut model = self.model(&settings, scale)?;
+            if !self.is_explained(&model) {
+                model = self.polish(model, &self.numbers(&settings))?;
+            }
+            if known.insert(self.set(&model.settings)) {
+                all.push((self.price(&model), false, model));
+            }
+        }
+        let mut trials = Vec::new();
+        loop {
+            all.sort_by(|one, other| one.0.total_cmp(&other.0));
+            all.truncate(KEPT);
+            let is_done = !is_last && self.is_explained(&all[0].2);
+            let open = all.iter_mut().find(|one| !one.1);
+            let Some((_, is_searched, model)) = open.filter(|_| !is_done) else {
+                let best = (scale == 1.0).then(|| all[0].2.clone());
+                let next = best.map(|best| self.recombined(&best, &trials, &mut known));
+                let next = next.transpose()?.flatten();
+                let Some(next) = next else { break };
+                all.push((self.price(&next), false, next));
+                continue;
+            };
+            *is_searched = true;
+            let model = model.clone();
+            if trials.is_empty() {
+                trials = self.trials(&model, idle.as_ref().unwrap_or(&BTreeSet::new()))?;
+                let acts = |one: &Trial| !Arc::ptr_eq(&one.from, &one.to);
+                let acts = |at: &usize| trials.iter().any(|one| one.knob == *at && acts(one));
+                idle.get_or_insert_with(|| {
+                    let all = (0..self.knobs.len()).filter(|at| !acts(at));
+                    all.collect()
+                });
+            }
+            for next in self.neighbours(&model, scale, &trials, &mut known)? {
+                all.push((self.price(&next), false, next));
+            }
+        }
+        Ok(all.into_iter().map(|(.., model)| model.settings).collect())
+    }
+
+    /// Returns whether no more is left than chance leaves.
+    fn is_explained(&self, model: &Model) -> bool {
+        let by_chance = model.fresh.iter().map(|play| self.cost_of(model, play));
+        let by_chance = by_chance.sum::<f64>() / model.fresh.len() as f64;
+        self.cost(model, false) < CHANCE * by_chance + self.margin()
+    }
+
+    fn set(&self, settings: &SimSettings) -> Set {
+        let value = |at: usize| match self.knobs[at].choices.is_empty() {
+            true => (at, String::new()),
+            false => (at, self.knobs[at].literal_in(settings)),
+        };
+        self.changed(settings).into_iter().map(value).collect()
+    }
+
+    /// Models with one change more or less, with their numbers at the best, whose sets are not known.
+    fn neighbours(
+        &self,
+        model: &Model,
+        scale: f64,
+        trials: &[Trial],
+        known: &mut BTreeSet<Set>,
+    ) -> Result<Vec<Model>, String> {
+        let mut all = Vec::new();
+        let numbers = self.numbers(&model.settings);
+        let promises = self.promises(model, &numbers, trials.iter(), self.margin() / 2.0)?;
+        let mut knobs = BTreeSet::new();
+        for promise in promises {
+            let knob = promise.trial.knob;
+            let is_number = promise.trial.step.is_some();
+            if knobs.len() == ADDED || is_number && numbers.contains(&knob) || !knobs.insert(knob) {
+                continue;
+            }
+            let Some(next) = self.with(model, &numbers, &promise)? else {
+                continue;
+            };
+            if known.insert(self.set(&next.settings)) {
+                let numbers = self.numbers(&next.settings);
+                all.push(self.polish(next, &numbers)?);
+            }
+        }
+        if scale > 1.0 {
+            return Ok(all);
+        }
+        let costs = self.needs(model, &numbers)?;
+        for knob in self.changed(&model.settings) {
+            let at = numbers.iter().position(|number| *number == knob);
+            if at.is_some_and(|at| costs[at] > NEEDED) {
+                continue;
+            }
+            let default = self.knobs[knob].default_in(&model.settings);
+            let Some(settings) = self.knobs[knob].set(&model.settings, &default) else {
+                continue;
+            };
+            if known.insert(self.set(&settings)) {
+                let numbers = self.numbers(&settings);
+                for next in self.moved(model, vec![settings])? {
+                    all.push(self.polish(next, &numbers)?);
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// The model with another set of numbers changed, if by first order that is cheaper.
+    fn recombined(
+        &self,
+        model: &Model,
+        trials: &[Trial],
+        known: &mut BTreeSet<Set>,
+    ) -> Result<Option<Model>, String> {
+        let touching = trials
+            .iter()
+            .filter(|one| one.touches && one.step.is_some());
+        let own = self.numbers(&model.settings);
+        let numbers: BTreeSet<usize> = touching.map(|one| one.knob).chain(own).collect();
+        let numbers = Vec::from_iter(numbers);
+        let slopes = self.slopes(model, &numbers, &mut vec![0.25; numbers.len()])?;
+        let (rest, weights) = self.rest(model, &self.vehicle);
+        let normal = Self::normal(&slopes, &weights, 0.0);
+        let away = numbers.iter().map(|at| {
+            let knob = &self.knobs[*at];
+            let [base, now] = [&self.base, &model.settings].map(|one| knob.number_in(one));
+            knob.steps_between(base, now)
+        });
+        let away = DVector::from_iterator(numbers.len(), away);
+        let rest = rest
+            .iter()
+            .zip(&weights)
+            .map(|(rest, weight)| rest * weight);
+        let right = slopes.tr_mul(&DVector::from_iterator(weights.len(), rest)) + &normal * &away;
+        // All that each set saves, with its numbers at the best.
+        let best = |set: &[usize]| {
+            let part = normal.select_rows(set).select_columns(set).cholesky();
+            let right = right.select_rows(set);
+            let steps = part.map(|part| part.solve(&right));
+            let saves = steps.as_ref().map_or(0.0, |steps| steps.dot(&right));
+            (saves - self.margin() * set.len() as f64, steps)
+        };
+        let mut set: Vec<usize> = (0..numbers.len()).filter(|at| away[*at] != 0.0).collect();
+        let mut saves = best(&set).0;
+        // Up to one less, and up to two more, which may hide one another.
+        let count = numbers.len();
+        loop {
+            let without = (0..=set.len()).map(|left| {
+                let mut set = set.clone();
+                if left < set.len() {
+                    set.remove(left);
+                }
+                set
+            });
+            let others = without.flat_map(|set| {
+                let pairs =
+                    (0..=count).flat_map(|one| (one..=count).map(move |other| [one, other]));
+                pairs.map(move |pair| {
+                    let mut with = set.clone();
+                    with.extend(
+                        pair.into_iter()
+                            .filter(|at| *at < count && !set.contains(at)),
+                    );
+                    with.dedup();
+                    with
+                })
+            });
+            let others = others.map(|set| (best(&set).0, set));
+            let next = others.max_by(|one, other| one.0.total_cmp(&other.0));
+            match next.filter(|next| next.0 > saves + 1.0) {
+                Some(next) => (saves, set) = next,
+                None => break,
+            }
+        }
+        let Some(steps) = best(&set).1 else {
+            return Ok(None);
+        };
+        let mut settings = model.settings.clone();
+        for (at, number) in numbers.iter().enumerate() {
+            let knob = &self.knobs[*number];
+            let steps = set
+                .iter()
+                .position(|one| *one == at)
+                .map_or(0.0, |at| steps[at]);
+            let base = knob.set(&settings, &knob.default_in(&settings));
+            let most = if knob.is_ratio() { 5.0 } else { f64::INFINITY };
+            let moved = base.and_then(|base| knob.moved(&base, steps.clamp(-most, most)));
+            settings = moved.unwrap_or(settings);
+        }
+        if !known.insert(self.set(&settings)) {
+            return Ok(None);
+        }
+        let next = self.moved(model, vec![settings])?.into_iter().next();
+        let polish = |next: Model| {
+            let numbers = self.numbers(&next.settings);
+            self.polish(next, &numbers)
+        };
+        next.map(polish).transpose()
+    }
+
+    /// What each number saves by first order, if all others follow when it is taken back.
+    fn needs(&self, model: &Model, numbers: &[usize]) -> Result<Vec<f64>, String> {
+        let slopes = self.slopes(model, numbers, &mut vec![0.25; numbers.len()])?;
+        let weights = self.rest(model, &self.vehicle).1;
+        let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
+        let need = |(at, number): (usize, &usize)| {
+            let knob = &self.knobs[*number];
+            let [base, now] = [&self.base, &model.settings].map(|one| knob.number_in(one));
+            let variance = covariance.as_ref().map_or(1.0, |all| all[(at, at)]);
+            knob.steps_between(base, now).powi(2) / variance.max(1e-12)
+        };
+        Ok(numbers.iter().enumerate().map(need).collect())
+    }
+
+    /// Of trials those that save so much if the numbers follow, the best first.
+    pub(super) fn promises<'t>(
+        &self,
+        model: &Model,
+        numbers: &[usize],
+        trials: impl Iterator<Item = &'t Trial>,
+        least: f64,
+    ) -> Result<Vec<Promise<'t>>, String> {
+        let slopes = self.slopes(model, numbers, &mut vec![0.25; numbers.len()])?;
+        let (rest, weights) = self.rest(model, &self.vehicle);
+        let normal = Self::normal(&slopes, &weights, 0.0).cholesky();
+        let before: f64 = rest.iter().map(|rest| cost(*rest)).sum();
+        let promise = |trial: &'t Trial| {
+            let mut column = DVector::from_vec(self.column(model, &trial.from, &trial.to));
+            let weighted = |column: &DVector<f64>| {
+                let products = column
+                    .iter()
+                    .zip(&weights)
+                    .map(|(one, weight)| one * weight);
+                DVector::from_iterator(weights.len(), products)
+            };
+            let solved = normal
+                .as_ref()
+                .map(|normal| normal.solve(&slopes.tr_mul(&weighted(&column))));
+            let follow = solved.map_or(vec![0.0; numbers.len()], |solved| {
+                (-solved).as_slice().to_vec()
+            });
+            column += &slopes * DVector::from_column_slice(&follow);
+            let by_weight = weighted(&column);
+            let of_rest: f64 = by_weight
+                .iter()
+                .zip(&rest)
+                .map(|(one, rest)| one * rest)
+                .sum();
+            let part = (of_rest / by_weight.dot(&column)).clamp(-3.0, 3.0);
+            let is_number = trial.step.is_some() && part.is_finite();
+            let saves = |part: f64| {
+                let after = rest.iter().zip(&column);
+                before
+                    - after
+                        .map(|(rest, change)| cost(rest - part * change))
+                        .sum::<f64>()
+            };
+            let of_form = self.saved_form(model, trial);
+            let [whole, partly] = [1.0, if is_number { part } else { 1.0 }]
+                .map(|part| (saves(part) + if part > 0.5 { of_form } else { 0.0 }, part));
+            let (saves, part) = if partly.0 > whole.0 { partly } else { whole };
+            Promise {
+                saves,
+                part,
+                follow,
+                is_form: of_form > saves / 2.0,
+                trial,
+            }
+        };
+        let trials = trials.filter(|trial| trial.touches);
+        let mut all: Vec<Promise<'t>> = trials.map(promise).collect();
+        all.retain(|promise| promise.saves > least);
+        all.sort_by(|one, other| other.saves.total_cmp(&one.saves));
+        Ok(all)
+    }
+
+    /// What a trial saves by bits, and by what is there.
+    fn saved_form(&self, model: &Model, trial: &Trial) -> f64 {
+        let each = self.slots(false).map(|(at, slot)| {
+            let [from, to, seen] =
+                [&**trial.from, &trial.to, &self.vehicle].map(|play: &[_]| play[at][slot].as_ref());
+            if from == to {
+                return 0.0;
+            }
+            let (cell, is_real) = (&model.cells[at][slot], self.recordings[at].is_real);
+            let changed = cell.shifted(from, to, 1.0, &model.layout);
+            let is_same = changed.form == cell.form && changed.answers == cell.answers;
+            let cost = |cell: &Cell| match is_same {
+                true => cell.cost_of_form(seen, &model.layout),
+                false => cell.cost(seen, &model.layout, is_real),
+            };
+            cost(cell) - cost(&changed)
+        });
+        each.sum()
+    }
+
+    /// The model with what a trial promises; `None` if that is not allowed.
+    pub(super) fn with(
+        &self,
+        model: &Model,
+        numbers: &[usize],
+        promise: &Promise<'_>,
+    ) -> Result<Option<Model>, String> {
+        let Promise {
+            part,
+            follow,
+            trial,
+            ..
+        } = promise;
+        let knob = &self.knobs[trial.knob];
+        let mut all = Vec::new();
+        for part in [*part, part / 2.0] {
+            let follow: Vec<f64> = follow.iter().map(|steps| steps * part).collect();
+            let settings = match trial.step {
+                Some(step) => knob.moved(&model.settings, step * part),
+                None => knob.set(&model.settings, &trial.literal),
+            };
+            let Some(settings) = settings else { continue };
+            all.push(self.shifted(&settings, numbers, &follow));
+            all.push(settings);
+        }
+        if trial.step.is_some() {
+            let far = [0.3, 0.6, 1.0, 1.5, 2.5, 5.0];
+            let far = far.iter().flat_map(|steps| [-steps, *steps]);
+            all.extend(far.filter_map(|steps| knob.moved(&model.settings, steps)));
+        } else {
+            all.truncate(2);
+        }
+        let all = self.moved(model, all)?.into_iter();
+        let all = all.map(|next| (self.cost(&next, false), next));
+        let best = all.min_by(|one, other| one.0.total_cmp(&other.0));
+        let best = best.map(|(_, model)| model);
+        match best {
+            Some(best) if promise.is_form && trial.step.is_some() => {
+                self.bisect(best, trial.knob).map(Some)
+            }
+            best => Ok(best),
+        }
+    }
+}

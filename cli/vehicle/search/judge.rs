@@ -1,0 +1,198 @@
+//! Which of the changes are needed, which others explain as much, and what that says of each setting.
+
+use std::collections::BTreeSet;
+
+use rigsim_settings::Basis;
+
+use super::super::model::{DIFFERENT, cost};
+use super::super::recording::Seen;
+use super::{ENOUGH, Found, Model, Search, Trial, Verdict};
+
+/// Most changes that are exchanged for others.
+const MOST_SWAPS: usize = 8;
+/// Half of an interval of 99 %, in standard deviations, with what the plays of the model scatter.
+const WIDE: f64 = 3.0;
+/// Share of what a setting saves that another has to promise before it is tried instead, and how many are.
+const AS_MUCH: f64 = 0.5;
+const MOST_INSTEAD: usize = 3;
+/// How many standard deviations of chance may be left of what a setting changes.
+const LEFT: f64 = 4.0;
+
+impl Search<'_> {
+    /// Slot at which one model fits better than another by most.
+    fn shows(&self, before: &Model, after: &Model) -> (usize, usize) {
+        let saved = |at| self.saved_at(before, after, at);
+        let slots = self.slots(false);
+        slots
+            .max_by(|one, other| saved(*one).total_cmp(&saved(*other)))
+            .unwrap_or_default()
+    }
+
+    /// Takes back what the others explain as well, takes what explains more instead, and notes what explains
+    /// as much: all with the numbers of the others at their best.
+    pub(super) fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
+        let mut found: Vec<Found> = Vec::new();
+        let mut swaps = MOST_SWAPS;
+        while let Some(taken_back) = (self.changed(&model.settings).into_iter())
+            .find(|at| found.iter().all(|one| one.knob != *at))
+        {
+            let knob = &self.knobs[taken_back];
+            let default = knob.default_in(&model.settings);
+            let Some(settings) = knob.set(&model.settings, &default) else {
+                break;
+            };
+            let others = self.numbers(&settings);
+            let moved = self.moved(model, vec![settings])?;
+            let Some(without) = moved.into_iter().next() else {
+                break;
+            };
+            let without = self.polish(without, &others)?;
+            let saves = self.gain(&without, model);
+            if saves < self.margin() {
+                found.clear();
+                *model = without;
+                continue;
+            }
+            let mut or = Vec::new();
+            let mut better: Option<Model> = None;
+            let literal = knob.literal_in(&model.settings);
+            let trials = trials.iter().filter(|trial| {
+                (trial.knob != taken_back || trial.step.is_none()) && trial.literal != literal
+            });
+            let mut instead = self.promises(&without, &others, trials, AS_MUCH * saves)?;
+            let mut knobs = BTreeSet::new();
+            instead.retain(|one| {
+                !others.contains(&one.trial.knob)
+                    && (knobs.insert(one.trial.knob) || one.trial.knob == taken_back)
+            });
+            for promise in instead.into_iter().take(MOST_INSTEAD) {
+                let trial = promise.trial;
+                let Some(tried) = self.with(&without, &others, &promise)? else {
+                    continue;
+                };
+                let numbers = self.numbers(&tried.settings);
+                let tried = self.polish(tried, &numbers)?;
+                let more = self.gain(model, &tried);
+                if more > self.margin() && swaps > 0 {
+                    better = Some(tried);
+                } else if self.gain(&tried, model) < self.margin() {
+                    or.push(match trial.knob == taken_back {
+                        true => format!("{}={}", knob.key, trial.literal),
+                        false => self.knobs[trial.knob].name(),
+                    });
+                }
+            }
+            if let Some(better) = better {
+                swaps -= 1;
+                found.clear();
+                *model = better;
+                continue;
+            }
+            found.push(Found {
+                knob: taken_back,
+                literal,
+                number: None,
+                or,
+                left: self.left(&without, model),
+                shown_by: self.shows(&without, model),
+            });
+        }
+        Ok(found)
+    }
+
+    /// Of all that the model does otherwise than another: the cost that is left beyond chance, and the most
+    /// that chance leaves.
+    fn left(&self, other: &Model, model: &Model) -> [f64; 2] {
+        let changes = self.values(model, |(at, slot), cell, channel| {
+            let before = &other.cells[at][slot];
+            (before.form == cell.form).then(|| cell.mean[channel] - before.mean[channel])
+        });
+        let touched = |at: &(usize, usize)| self.saved_at(other, model, *at) != 0.0;
+        let signs = self.slots(false).filter(touched).map(|(at, slot)| {
+            let seen = self.vehicle[at][slot].as_ref();
+            model.cells[at][slot].contradictions(seen, &model.layout)
+        });
+        let wrong: usize = signs.sum();
+        let left = |seen: &[Seen]| -> (f64, f64) {
+            let rest = self.rest(model, seen).0;
+            let all = rest.iter().zip(&changes);
+            let costs = all.map(|(rest, change)| (cost(*rest), f64::from(change.abs() > 0.5)));
+            costs.fold((0.0, 0.0), |(sum, count), (cost, is)| {
+                (sum + is * cost, count + is)
+            })
+        };
+        let (of_vehicle, count) = left(&self.vehicle);
+        let fresh = model.fresh.iter().map(|play| left(play).0);
+        let by_chance = fresh.sum::<f64>() / model.fresh.len() as f64;
+        let spread = by_chance * (2.0 / count.max(1.0)).sqrt();
+        let wrong = DIFFERENT * wrong.saturating_sub(2) as f64;
+        [of_vehicle - by_chance + wrong, LEFT * spread + 1.0]
+    }
+
+    /// Notes the values that were found, and their intervals.
+    pub(super) fn measure(&self, model: &Model, found: &mut [Found]) -> Result<(), String> {
+        let numbers = self.numbers(&model.settings);
+        let slopes = self.slopes(model, &numbers, &mut vec![0.25; numbers.len()])?;
+        let weights = self.rest(model, &self.vehicle).1;
+        let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
+        for one in found {
+            let knob = &self.knobs[one.knob];
+            let Some(at) = numbers.iter().position(|number| *number == one.knob) else {
+                continue;
+            };
+            let variance = covariance.as_ref().map_or(0.0, |all| all[(at, at)]);
+            let value = knob.number_in(&model.settings);
+            // It may show only in what is there or is not, or be lost in what the machine explains.
+            if slopes.column(at).amax() < 4.0 || variance > 0.1 {
+                let ends = self.ends(model, knob)?;
+                let wider = [-0.125, 0.125].map(|steps| move |end| knob.beyond(end, steps));
+                let [low, high] = ends;
+                one.number = Some((value, [low.map(&wider[0]), high.map(&wider[1])]));
+                continue;
+            }
+            // What is left may be due to another change, and its effect as that of this one.
+            let wide = WIDE + one.left[0].max(0.0).sqrt();
+            let ends = [-wide, wide].map(|wide| Some(knob.beyond(value, wide * variance.sqrt())));
+            one.number = Some((value, ends));
+        }
+        Ok(())
+    }
+
+    pub(super) fn verdicts(
+        &self,
+        model: &Model,
+        found: &[Found],
+        trials: &[Trial],
+    ) -> Vec<Verdict> {
+        let enough = self.used() >= ENOUGH;
+        let verdict = |at: usize| {
+            let knob = &self.knobs[at];
+            if let Some(one) = found.iter().find(|one| one.knob == at) {
+                let before = knob.number_in(&self.base);
+                let is_outside = one.number.is_none_or(|(_, [low, high])| {
+                    low.is_some_and(|low| before < low) || high.is_some_and(|high| before > high)
+                });
+                let is_enough = enough || matches!(knob.basis, Basis::Assumed(_));
+                let is_explained = one.or.is_empty() && one.left[0] < one.left[1];
+                return match is_explained && is_outside && is_enough {
+                    true => Verdict::Contradicted,
+                    false => Verdict::NotDecided,
+                };
+            }
+            let tried = || trials.iter().filter(|trial| trial.knob == at);
+            if !tried().any(|trial| trial.touches) {
+                return Verdict::NotTouched;
+            }
+            let excluded = |trial: &Trial| {
+                let change = [&**trial.from, &trial.to];
+                self.saved(model, change, 1.0) < -self.margin()
+            };
+            let doubted = found.iter().any(|one| one.or.contains(&knob.name()));
+            match tried().all(excluded) && !doubted {
+                true => Verdict::Supported,
+                false => Verdict::NotDecided,
+            }
+        };
+        (0..self.knobs.len()).map(verdict).collect()
+    }
+}

@@ -1,0 +1,238 @@
+//! Numbers: what small changes of them do, their best values, and what fits as well.
+
+use nalgebra::{DMatrix, DVector};
+use rigsim_core::settings::SimSettings;
+
+use super::super::knob::Knob;
+use super::super::model::{Cell, significant, weight};
+use super::super::recording::{Reply, Seen};
+use super::{Model, Play, Search};
+
+/// Most steps in which numbers are improved.
+const MOST_STEPS: usize = 12;
+/// Damping from which on a step is too short to be of use.
+const MOST_DAMPING: f64 = 300.0;
+/// By how much a change has to show from which a slope is taken, in standard deviations.
+const WIDTH: f64 = 80.0;
+/// What holds a number that does nothing, as if it was known to about two of its steps.
+const HELD: f64 = 0.25;
+/// Cost above the least, within which the values of a number are as good: 99 % of a chi-square with one degree
+/// of freedom.
+const AS_GOOD: f64 = 6.63;
+
+impl Search<'_> {
+    /// What changes from one play to another, in standard deviations: a column of the Jacobian.
+    pub(super) fn column(&self, model: &Model, from: &[Seen], to: &[Seen]) -> Vec<f64> {
+        self.values(model, |(at, slot), cell, channel| {
+            let [from, to] = [from, to].map(|play| play[at][slot].as_ref());
+            let has_form = |one: &&Reply| Some(one.form) == cell.form;
+            let (from, to) = (from.filter(has_form)?, to.filter(has_form)?);
+            Some(to.values[channel] - from.values[channel])
+        })
+    }
+
+    /// What is left between replies and model, in standard deviations, and the weights.
+    pub(super) fn rest(&self, model: &Model, seen: &[Seen]) -> (Vec<f64>, Vec<f64>) {
+        let rest = self.values(model, |(at, slot), cell, channel| {
+            let reply = seen[at][slot].as_ref();
+            let reply = reply.filter(|reply| Some(reply.form) == cell.form)?;
+            let rest = reply.values[channel] - cell.mean[channel];
+            Some(significant(rest, channel, self.recordings[at].is_real).copysign(rest))
+        });
+        let weights = rest.iter().map(|rest| weight(*rest)).collect();
+        (rest, weights)
+    }
+
+    /// A value for each numeric channel of each slot, in standard deviations.
+    pub(super) fn values(
+        &self,
+        model: &Model,
+        value: impl Fn((usize, usize), &Cell, usize) -> Option<f64>,
+    ) -> Vec<f64> {
+        let mut all = Vec::new();
+        for (at, slot) in self.slots(false) {
+            let cell = &model.cells[at][slot];
+            for (channel, info) in model.layout.of_form(cell.form).iter().enumerate() {
+                if !info.is_choice && channel < cell.mean.len() {
+                    let value = value((at, slot), cell, channel).unwrap_or(0.0);
+                    all.push(value / cell.sd[channel]);
+                }
+            }
+        }
+        all
+    }
+
+    /// Of values so many steps off those that are allowed, from the least on, and what each saves.
+    pub(super) fn ladder(
+        &self,
+        model: &Model,
+        knob: &Knob,
+        steps: impl Iterator<Item = f64>,
+    ) -> Result<Vec<(f64, f64)>, String> {
+        let value = knob.number_in(&model.settings);
+        let allowed = steps.filter_map(|steps| {
+            let settings = knob.set_number(&model.settings, knob.beyond(value, steps))?;
+            Some((knob.number_in(&settings), self.quiet(settings)))
+        });
+        let mut allowed: Vec<(f64, SimSettings)> = allowed.collect();
+        allowed.sort_by(|one, other| one.0.total_cmp(&other.0));
+        let jobs: Vec<_> = allowed.iter().map(|(_, settings)| (settings, 0)).collect();
+        let played = self.play(&jobs, Some(&model.quiet))?;
+        let saved = |to: &Play| self.saved(model, [&model.quiet, to], 1.0);
+        let values = allowed.iter().map(|(value, _)| *value);
+        Ok(values.zip(played.iter().map(saved)).collect())
+    }
+
+    /// The ends of what fits as well as the present value of a number; `None` where all that is beyond does.
+    pub(super) fn ends(&self, model: &Model, knob: &Knob) -> Result<[Option<f64>; 2], String> {
+        let far = (1..=12).map(|power| 1.5 * 1.5_f64.powi(power));
+        let far = far.flat_map(|steps| [-steps, steps]);
+        let near = (-12..=12).map(|part| f64::from(part) / 8.0);
+        let ladder = self.ladder(model, knob, near.chain(far))?;
+        let value = knob.number_in(&model.settings);
+        let [low, high] = as_good(&ladder).unwrap_or([value; 2]);
+        let [first, last] = [ladder.first(), ladder.last()].map(|end| end.map(|(end, _)| *end));
+        let ends = [(low, first), (high, last)];
+        Ok(ends.map(|(end, bound)| (Some(end) != bound).then_some(end)))
+    }
+
+    /// Moves a number to the middle of the values that fit best, wherever they are.
+    pub(super) fn bisect(&self, mut model: Model, at: usize) -> Result<Model, String> {
+        let knob = &self.knobs[at];
+        for scale in [2.0, 12.0] {
+            let steps = (-10..=10).map(|part| f64::from(part) / scale);
+            let Some([low, high]) = as_good(&self.ladder(&model, knob, steps)?) else {
+                break;
+            };
+            let value = knob.number_in(&model.settings);
+            let middle = knob.steps_between(value, low) + knob.steps_between(value, high);
+            let settings = knob.moved(&model.settings, middle / 2.0);
+            let next = self.moved(&model, settings.into_iter().collect())?;
+            let is_better = |next: &Model| self.cost(next, false) <= self.cost(&model, false);
+            model = next.into_iter().find(is_better).unwrap_or(model);
+        }
+        Ok(model)
+    }
+
+    /// What a step of each number does, by a change so wide that it shows; the widths become those that do.
+    pub(super) fn slopes(
+        &self,
+        model: &Model,
+        numbers: &[usize],
+        widths: &mut [f64],
+    ) -> Result<DMatrix<f64>, String> {
+        let mut changed = Vec::new();
+        for (at, width) in numbers.iter().zip(&*widths) {
+            let knob = &self.knobs[*at];
+            let value = knob.number_in(&model.settings);
+            let with = |steps: f64| {
+                let settings = knob.set_number(&model.settings, knob.beyond(value, steps))?;
+                let steps = knob.steps_between(value, knob.number_in(&settings));
+                (steps != 0.0).then(|| (self.quiet(settings), steps))
+            };
+            // A whole number may need a whole step.
+            let change = [*width, -width, 1.0, -1.0].into_iter().find_map(with);
+            changed.push(change.unwrap_or_else(|| (self.quiet(model.settings.clone()), 1.0)));
+        }
+        let jobs: Vec<_> = changed.iter().map(|(settings, _)| (settings, 0)).collect();
+        let played = self.play(&jobs, Some(&model.quiet))?;
+        let weights = self.rest(model, &self.vehicle).1;
+        let mut columns = Vec::new();
+        for ((seen, (_, steps)), width) in played.iter().zip(&changed).zip(widths) {
+            let mut column = self.column(model, &model.quiet, seen);
+            column.iter_mut().for_each(|change| *change /= steps);
+            let squares = column
+                .iter()
+                .zip(&weights)
+                .map(|(slope, w)| slope * slope * w);
+            *width = (WIDTH / squares.sum::<f64>().sqrt()).clamp(0.02, 1.0);
+            columns.extend(column);
+        }
+        let rows = weights.len();
+        Ok(DMatrix::from_vec(rows, numbers.len(), columns))
+    }
+
+    /// The normal matrix; what does nothing is held where it is.
+    pub(super) fn normal(matrix: &DMatrix<f64>, weights: &[f64], damping: f64) -> DMatrix<f64> {
+        let mut weighted = matrix.clone();
+        for (mut row, weight) in weighted.row_iter_mut().zip(weights) {
+            row *= *weight;
+        }
+        let mut normal = matrix.tr_mul(&weighted);
+        for at in 0..normal.nrows() {
+            normal[(at, at)] += damping * normal[(at, at)] + HELD;
+        }
+        normal
+    }
+
+    /// Improves all numbers together, by the method of Levenberg and Marquardt.
+    pub(super) fn polish(&self, mut model: Model, numbers: &[usize]) -> Result<Model, String> {
+        let mut damping = 1e-3;
+        let mut widths = vec![0.5; numbers.len()];
+        let mut before = self.cost(&model, false);
+        for _ in 0..if numbers.is_empty() { 0 } else { MOST_STEPS } {
+            let slopes = self.slopes(&model, numbers, &mut widths)?;
+            let (rest, weights) = self.rest(&model, &self.vehicle);
+            let rest = rest
+                .iter()
+                .zip(&weights)
+                .map(|(rest, weight)| rest * weight);
+            let right = slopes.tr_mul(&DVector::from_iterator(weights.len(), rest));
+            let mut saved = 0.0;
+            while saved <= 0.0 && damping < MOST_DAMPING {
+                let tried = [damping, 30.0 * damping].into_iter().filter_map(|damping| {
+                    let normal = Self::normal(&slopes, &weights, damping).cholesky()?;
+                    Some(self.shifted(&model.settings, numbers, normal.solve(&right).as_slice()))
+                });
+                let all = self.moved(&model, tried.collect())?.into_iter();
+                let all = all.map(|next| (self.cost(&next, false), next));
+                let best = all.min_by(|one, other| one.0.total_cmp(&other.0));
+                let Some((cost, next)) = best.filter(|best| best.0 < before) else {
+                    damping *= 900.0;
+                    continue;
+                };
+                saved = before - cost;
+                (model, before, damping) = (next, cost, damping / 10.0);
+            }
+            if saved < 2.0 {
+                break;
+            }
+        }
+        Ok(model)
+    }
+
+    /// The settings with numbers so many steps off.
+    pub(super) fn shifted(
+        &self,
+        settings: &SimSettings,
+        numbers: &[usize],
+        steps: &[f64],
+    ) -> SimSettings {
+        let mut settings = settings.clone();
+        for (at, steps) in numbers.iter().zip(steps) {
+            let knob = &self.knobs[*at];
+            let most = if knob.is_ratio() { 2.0 } else { f64::INFINITY };
+            let moved = knob.moved(&settings, steps.clamp(-most, most));
+            settings = moved.unwrap_or(settings);
+        }
+        settings
+    }
+
+    /// Of settings that were changed the numbers.
+    pub(super) fn numbers(&self, settings: &SimSettings) -> Vec<usize> {
+        let mut changed = self.changed(settings);
+        changed.retain(|at| self.knobs[*at].choices.is_empty());
+        changed
+    }
+}
+
+/// Of values and what each saves, the least and the greatest around the best that save as much.
+fn as_good(ladder: &[(f64, f64)]) -> Option<[f64; 2]> {
+    let saved = ladder.iter().map(|(_, saved)| *saved);
+    let most = saved.clone().fold(f64::NEG_INFINITY, f64::max);
+    let best = saved.clone().position(|saved| saved == most)?;
+    let good = |at: &usize| ladder[*at].1 >= most - AS_GOOD;
+    let low = (0..=best).rev().take_while(good).last()?;
+    let high = (best..ladder.len()).take_while(good).last()?;
+    Some([ladder[low].0, ladder[high].0])
+}
