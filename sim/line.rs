@@ -277,10 +277,15 @@ impl SerialLine {
 
     /// Adds to `bytes` what the client can read at `now`.
     pub fn take_for_client(&mut self, now: SimTime, bytes: &mut Vec<u8>) {
+        self.pass_to_adapter(now);
+        self.inbox.take(now, bytes);
+    }
+
+    /// Passes what has arrived by `now` on to the client's adapter.
+    pub(crate) fn pass_to_adapter(&mut self, now: SimTime) {
         while let Some((at, byte)) = self.take_off_wire(now) {
             self.adapter_hears(at, byte);
         }
-        self.inbox.take(now, bytes);
     }
 
     /// Time at which the next byte arrives at the device; at another speed it may turn out to be

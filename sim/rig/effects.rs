@@ -101,6 +101,9 @@ impl Rig {
                 self.effects.add(handle, device, changes);
             }
             work => {
+                if matches!(&work, Work::Bytes(bytes) if bytes.adapter().is_some()) {
+                    self.pass_to_adapters(device);
+                }
                 let slot = &mut self.slots[device];
                 let links = slot.lines.len();
                 let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);

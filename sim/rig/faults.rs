@@ -20,6 +20,14 @@ impl Rig {
         };
         // What has arrived until now is still the fault's.
         self.pump(device);
+        let slot = &self.slots[device];
+        let faults = slot
+            .faults
+            .iter()
+            .flat_map(|faults| (0..slot.lines.len()).map(|link| faults.adapter(link)));
+        if faults.flatten().next().is_some() {
+            self.pass_to_adapters(device);
+        }
         self.report_faults(device);
         self.rest_to_grid(device);
         let slot = &mut self.slots[device];
@@ -43,6 +51,17 @@ impl Rig {
         if let Some(faults) = &mut slot.faults {
             for (link, line) in slot.lines.iter_mut().enumerate() {
                 faults.pump(self.now, link, line);
+            }
+        }
+    }
+
+    /// Passes what has come through by now on to the adapters of the clients, before others replace them.
+    pub(super) fn pass_to_adapters(&mut self, device: usize) {
+        let slot = &mut self.slots[device];
+        for (link, line) in slot.lines.iter_mut().enumerate() {
+            match &mut slot.faults {
+                Some(faults) => faults.pass_to_adapter(self.now, link, line),
+                None => line.pass_to_adapter(self.now),
             }
         }
     }

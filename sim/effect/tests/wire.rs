@@ -203,3 +203,46 @@ fn links_have_their_own_faults() {
     assert!(!main.is_empty() && rig.now() >= end);
     assert_eq!(run(&mut rig, ROS, MS(500)), NOTHING);
 }
+
+#[test]
+fn through_another_adapter_the_same_bytes_come_whenever_the_client_reads() {
+    // The adapter is another for a millisecond, from the middle of a reply on.
+    let seen_at = |end: u64, often: bool| {
+        let mut rig = Rig::new(RigSettings {
+            world: WorldSettings::default(),
+            map: WorldMap::default(),
+            wire: Wire::Paced,
+            seed: 1,
+        });
+        let settings = R150Settings::default();
+        rig.add(&crate::r150::R150_SPEC, &Setup::new("r150", &settings));
+        rig.attach(MAIN, SimTime::ZERO).unwrap();
+        send(&mut rig, &Request::SystemInfo.encode());
+        let (mut bytes, mut fault) = (Vec::new(), None);
+        for step in 0..=end {
+            match step {
+                54 => {
+                    fault = Some(inject(
+                        &mut rig,
+                        "kind = \"other-adapter\"\nadapter = \"ftdi\"",
+                    ))
+                }
+                64 => rig.clear(fault.take().unwrap()),
+                _ => {}
+            }
+            rig.advance(SimTime::from_micros(100 * step)).unwrap();
+            if often || step == end {
+                rig.client_reads(MAIN, &mut bytes);
+            }
+        }
+        bytes
+    };
+    let mut lengths = Vec::new();
+    for end in 50..250 {
+        let seen = seen_at(end, true);
+        assert_eq!(seen, seen_at(end, false), "after {} us", 100 * end);
+        lengths.push(seen.len());
+    }
+    lengths.dedup();
+    assert!(lengths.len() > 1, "{lengths:?}");
+}
