@@ -903,3 +903,22 @@ int main(void) {
     let expected = "-22 -22\n8 10\n8 1 at 115\n0\n";
     c_prints(&format!("{CLIENT}{code}"), expected);
 }
+
+/// A signal of a timer is sent once until it has been taken, real-time signals as well.
+#[test]
+fn timers_that_run_out_while_their_signal_waits_are_counted() {
+    let code = r#"
+int main(void) {
+  sigset_t s; sigemptyset(&s); sigaddset(&s, SIGRTMIN); sigprocmask(SIG_BLOCK, &s, 0); siginfo_t i; int n;
+  struct sigevent e = {0}; e.sigev_notify = SIGEV_SIGNAL; e.sigev_signo = SIGRTMIN; timer_t t, other;
+  timer_create(CLOCK_MONOTONIC, &e, &t); e.sigev_value.sival_int = 7; timer_create(CLOCK_MONOTONIC, &e, &other);
+  struct itimerspec every = {{0, 20000000}, {0, 20000000}}, once = {{0, 0}, {0, 70000000}};
+  timer_settime(t, 0, &every, 0); timer_settime(other, 0, &once, 0); usleep(110000);
+  for (int k = 0; k < 2; k++) { sigwaitinfo(&s, &i); printf("%d ", i.si_value.sival_int == 7); }
+  printf("missed %d at %d\n", timer_getoverrun(t), at());
+  sigwaitinfo(&s, &i); printf("next %d at %d\n", timer_getoverrun(t), at());
+}
+"#;
+    let expected = "0 1 missed 4 at 110\nnext 0 at 120\n";
+    c_prints(&format!("{CLIENT}{code}"), expected);
+}

@@ -186,7 +186,10 @@ impl Descriptor {
 
     /// What an epoll polls: numbers of descriptors of the processes that have added them.
     pub(crate) fn members(&self) -> Vec<(i32, PollFlags)> {
-        members_of_epoll(own_pid(), self.file.as_raw_fd())
+        match self.is_anonymous() {
+            true => members_of_epoll(own_pid(), self.file.as_raw_fd()),
+            false => Vec::new(),
+        }
     }
 
     /// Its path, as the system tells it.

@@ -96,6 +96,22 @@ impl Tracer<'_> {
         now.as_ref().map(Rc::as_ptr) == awaited.file.as_ref().map(Rc::as_ptr)
     }
 
+    /// The files that a process polls, and those that epolls among them poll. One epoll in another is one file.
+    pub(crate) fn polled_files(
+        &self,
+        process: Tid,
+        set: &[Awaited],
+    ) -> Vec<(Rc<Descriptor>, PollFlags)> {
+        let mut all = Vec::new();
+        for Awaited { flags, file, .. } in set {
+            all.extend(file.clone().map(|file| (file, *flags)));
+            for (fd, flags) in file.as_ref().map_or(Vec::new(), |file| file.members()) {
+                all.extend(self.descriptor(process, fd).map(|file| (file, flags)));
+            }
+        }
+        all
+    }
+
     /// What a poll of these descriptors of a thread finds of each.
     pub(crate) fn readiness(&self, tid: Tid, set: &[Awaited]) -> Vec<PollFlags> {
         let process = self.tree.process_of(tid);

@@ -69,6 +69,7 @@ impl Tracer<'_> {
             Syscall::TimerCreate => self.timer_create(entry),
             Syscall::TimerSettime => self.posix_timer(entry, Some((a[1], a[2])), a[3]),
             Syscall::TimerGettime => self.posix_timer(entry, None, a[1]),
+            Syscall::TimerGetoverrun => self.timer_overrun(entry),
             Syscall::TimerDelete => Ok(self.timer_delete(entry)),
             Syscall::TimerfdSettime => self.timer_descriptor(entry, Some((a[1], a[2])), a[3]),
             Syscall::TimerfdGettime => self.timer_descriptor(entry, None, a[1]),

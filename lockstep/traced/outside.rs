@@ -64,19 +64,8 @@ impl Tracer<'_> {
                 }
                 _ => continue,
             };
-            for one in set {
-                let Some(file) = &one.file else {
-                    continue;
-                };
-                if !file.is_anonymous() {
-                    all.extend(self.outside(file, one.flags));
-                    continue;
-                }
-                // One epoll in another is polled as one descriptor.
-                for (fd, flags) in file.members() {
-                    let member = self.descriptor(thread.process, fd);
-                    all.extend(member.and_then(|member| self.outside(&member, flags)));
-                }
+            for (file, flags) in self.polled_files(thread.process, set) {
+                all.extend(self.outside(&file, flags));
             }
         }
         all

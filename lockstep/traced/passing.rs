@@ -1,10 +1,8 @@
 //! Simulated time goes on when no thread can run; no faster than real time while one waits for the
 //! world outside.
 
-use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use crate::traced::descriptor::Descriptor;
 use crate::traced::outside::{self, Outside};
 use crate::traced::syscall::Halt;
 use crate::traced::tracer::Tracer;
@@ -58,14 +56,13 @@ impl Tracer<'_> {
                 self.ports.iter_mut().for_each(|port| port.set_full(false));
                 self.fire_timers()?;
             }
-            Step::Over if until.is_none() && !self.may_go_on() => {
-                let waits = self.waits_text();
-                self.ask_to_end(Reason::Deadlock(waits));
-            }
-            Step::Over => self.ask_to_end(Reason::Over),
-            Step::Never => {
-                let waits = self.waits_text();
-                self.ask_to_end(Reason::Deadlock(waits));
+            step => {
+                let goes_on = step == Step::Over && (until.is_some() || self.may_go_on());
+                let reason = match goes_on {
+                    true => Reason::Over,
+                    false => Reason::Deadlock(self.waits_text()),
+                };
+                self.ask_to_end(reason);
             }
         }
         Ok(true)
@@ -73,29 +70,17 @@ impl Tracer<'_> {
 
     /// Returns whether a thread waits for what the world, or a signal, might still bring.
     fn may_go_on(&self) -> bool {
-        let is_port = |file: &Rc<Descriptor>| self.port_of(file).is_some();
-        self.tree
-            .threads
-            .values()
-            .any(|thread| match thread.block().map(|block| &block.wait) {
-                Some(Wait::Poll { set, .. }) => {
-                    let mut files = set.iter().filter_map(|one| one.file.as_ref());
-                    set.is_empty()
-                        || files.any(|file| {
-                            let mut members = file.members().into_iter();
-                            is_port(file)
-                                || members.any(|(fd, _)| {
-                                    self.descriptor(thread.process, fd)
-                                        .as_ref()
-                                        .is_some_and(is_port)
-                                })
-                        })
-                }
-                Some(
-                    Wait::Futex { .. } | Wait::Again(_) | Wait::Transfer(_) | Wait::Vfork { .. },
-                ) => false,
-                _ => true,
-            })
+        let mut threads = self.tree.threads.values();
+        threads.any(|thread| match thread.block().map(|block| &block.wait) {
+            Some(Wait::Poll { set, .. }) => {
+                let files = self.polled_files(thread.process, set);
+                set.is_empty() || files.iter().any(|(file, _)| self.port_of(file).is_some())
+            }
+            Some(Wait::Futex { .. } | Wait::Again(_) | Wait::Transfer(_) | Wait::Vfork { .. }) => {
+                false
+            }
+            _ => true,
+        })
     }
 
     fn is_any_in_kernel(&self) -> bool {

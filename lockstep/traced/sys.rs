@@ -212,6 +212,22 @@ pub(crate) fn queue_timer_signal(
     check(result).map(drop)
 }
 
+/// Returns whether the signal of a POSIX timer waits to be taken by a stopped thread, or by its process.
+pub(crate) fn has_timer_signal(tid: Tid, timer: i32, shared: bool) -> bool {
+    /// More signals rarely wait.
+    const MOST: usize = 32;
+    const PEEK_SIGINFO: Request = 0x4209;
+    let mut infos = [[0_u64; 16]; MOST];
+    // The number of the first, then flags and how many.
+    let from = [0, u64::from(shared) | (MOST as u64) << 32];
+    // SAFETY: the request reads the two numbers, and writes no more than so many structures of 128 bytes.
+    let count = unsafe { libc::ptrace(PEEK_SIGINFO, tid, from.as_ptr(), infos.as_mut_ptr()) };
+    let count = usize::try_from(count).unwrap_or(0);
+    let words = [libc::SI_TIMER, timer].map(|word| u64::from(word.cast_unsigned()));
+    let mut infos = infos.iter().take(count);
+    infos.any(|info| [info[1] & 0xFFFF_FFFF, info[2] & 0xFFFF_FFFF] == words)
+}
+
 /// The clock of a process's processor time, as the kernel numbers them (`CPUCLOCK_SCHED`).
 pub(crate) fn clock_of_process(pid: Tid) -> libc::clockid_t {
     !pid << 3 | 2

@@ -56,8 +56,6 @@ impl From<Broken> for Halt {
 /// Handling of a syscall.
 pub(crate) enum Handling {
     Make,
-    /// The thread is no longer at it, and comes back to it.
-    Again,
     /// It is not made, and returns this.
     Answer(i64),
     /// It waits until then at most.

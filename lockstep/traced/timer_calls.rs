@@ -130,6 +130,14 @@ impl Tracer<'_> {
         Ok(Handling::Answer(0))
     }
 
+    /// `timer_getoverrun`: how often it has run out beside the time for which its signal was sent.
+    pub(crate) fn timer_overrun(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let timer = self.timers.find(is_posix(entry)).ok_or(Halt::Make)?;
+        Ok(Handling::Answer(
+            i64::try_from(timer.count).unwrap_or(i64::MAX),
+        ))
+    }
+
     /// `timer_delete`; the system deletes its own.
     pub(crate) fn timer_delete(&mut self, entry: Entry) -> Handling {
         let is_it = is_posix(entry);
@@ -170,11 +178,8 @@ impl Tracer<'_> {
             None if self.timers.all.len() >= MOST => return Ok(failure(libc::ENOMEM)),
             None => {
                 self.timers.marks += 1;
-                let kind = Kind::Descriptor {
-                    mark: self.timers.marks,
-                    fd,
-                    count: 0,
-                };
+                let mark = self.timers.marks;
+                let kind = Kind::Descriptor { mark, fd };
                 self.timers.add(process, kind);
                 self.timers.marks
             }
@@ -183,8 +188,8 @@ impl Tracer<'_> {
         if let Some(timer) = self.timers.find(has_mark(mark)) {
             setting = timer.setting(now);
             (timer.next, timer.interval) = new;
-            timer.kind = Kind::Descriptor { mark, fd, count: 0 };
-            timer.process = process;
+            timer.kind = Kind::Descriptor { mark, fd };
+            (timer.process, timer.count) = (process, 0);
         }
         mark_timer(&descriptor.file, mark, false)?;
         drop(descriptor);
@@ -206,14 +211,11 @@ impl Tracer<'_> {
         let Some(found) = self.timers.find(has_mark(mark)) else {
             return Ok(None);
         };
-        let Kind::Descriptor { fd, count, .. } = found.kind else {
-            return Ok(None);
-        };
+        let count = std::mem::take(&mut found.count);
         if count == 0 {
             return Ok(None);
         }
         Memory(tid).write_parts(into, &count.to_ne_bytes())?;
-        found.kind = Kind::Descriptor { mark, fd, count: 0 };
         mark_timer(&descriptor.file, mark, false)?;
         Ok(Some(8))
     }
@@ -248,24 +250,29 @@ impl Tracer<'_> {
             let times = (now - next).checked_div(timer.interval).unwrap_or(0) + 1;
             timer.next = (timer.interval > 0)
                 .then(|| next.saturating_add(timer.interval.saturating_mul(times)));
-            let process = timer.process;
-            if let Kind::Descriptor { count, .. } = &mut timer.kind {
-                *count += times;
-            }
-            let kind = timer.kind;
+            timer.count += times;
+            let (process, kind) = (timer.process, timer.kind);
             match kind {
                 Kind::Alarm => {
                     sys::kill(process, Signal::ALARM);
                     self.schedule.signalled = true;
                 }
                 Kind::Posix { id, event, .. } => {
-                    if let Some(signal) = event.signal {
+                    // Its signal is sent once, and counts what follows until it has been taken.
+                    let is_it = |one: &Thread| one.process == process && one.block().is_some();
+                    let stopped = event.thread.or(self.tree.all(is_it).first().copied());
+                    let shared = event.thread.is_none();
+                    let waits = stopped.is_some_and(|tid| sys::has_timer_signal(tid, id, shared));
+                    if let Some(signal) = event.signal.filter(|_| !waits) {
+                        if let Some(timer) = self.timers.all.get_mut(index) {
+                            timer.count = times - 1;
+                        }
                         let value = event.value.unwrap_or(u64::from(id.unsigned_abs()));
                         let _ = sys::queue_timer_signal(process, event.thread, signal, id, value);
                         self.schedule.signalled = true;
                     }
                 }
-                Kind::Descriptor { mark, fd, .. } => self.fire_descriptor(process, mark, fd)?,
+                Kind::Descriptor { mark, fd } => self.fire_descriptor(process, mark, fd)?,
             }
             self.schedule.happened += 1;
         }

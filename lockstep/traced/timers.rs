@@ -15,6 +15,8 @@ pub(crate) struct Timer {
     pub(crate) next: Option<u64>,
     /// Interval after that; 0 for never again.
     pub(crate) interval: u64,
+    /// How often it has run out since its descriptor was read, or since its signal was sent.
+    pub(crate) count: u64,
 }
 
 #[derive(Clone, Copy)]
@@ -25,12 +27,10 @@ pub(crate) enum Kind {
         event: TimerEvent,
         clock: i32,
     },
-    /// A timer descriptor: the mark by which its file is known again, one of the descriptors, and
-    /// how often it has run out since it was read.
+    /// A timer descriptor: the mark by which its file is known again, and one of the descriptors.
     Descriptor {
         mark: i64,
         fd: i32,
-        count: u64,
     },
 }
 
@@ -60,6 +60,7 @@ impl Timers {
             kind,
             next: None,
             interval: 0,
+            count: 0,
         });
         self.all.len() - 1
     }

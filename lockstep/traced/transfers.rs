@@ -185,18 +185,10 @@ impl Tracer<'_> {
             return Ok(backs_off.unwrap_or(Handling::Make));
         }
         let rest = self.in_parts(entry, descriptor, (flags, given))?;
-        if is_ready && rest.is_none() {
-            let length = match call {
-                Syscall::Splice => a[4],
-                Syscall::Sendfile => a[3],
-                _ => 0,
-            };
-            if !descriptor.takes_parts(length) {
-                return Ok(Handling::Make);
-            }
-            // The program makes it again for the rest, as in real time.
-            let result = self.transfer_now(tid, descriptor, (entry.registers.number(), a))?;
-            return Ok(Handling::Answer(result));
+        // The program makes a copy again for the rest, as in real time.
+        let is_copy = matches!(call, Syscall::Splice | Syscall::Sendfile);
+        if is_ready && rest.is_none() && !is_copy {
+            return Ok(Handling::Make);
         }
         let mut deadline = None;
         if is_queue(call) && a[4] != 0 {

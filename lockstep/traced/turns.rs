@@ -78,13 +78,9 @@ impl Tracer<'_> {
                 // What is handled again has been counted.
                 let action =
                     if !backed_off && counted(&mut self.schedule.paid, self.now, FREE_CALLS) {
-                        self.back_off()
+                        Ok(self.back_off())
                     } else {
-                        match self.call(tid, registers, backed_off) {
-                            Err(Halt::Make) => Handling::Make,
-                            Err(Halt::Again) => Handling::Again,
-                            action => action?,
-                        }
+                        self.call(tid, registers, backed_off)
                     };
                 self.act(tid, registers, action)?;
             }
@@ -93,22 +89,28 @@ impl Tracer<'_> {
     }
 
     /// Applies the handling of a syscall.
-    fn act(&mut self, tid: Tid, mut registers: Registers, action: Handling) -> Result<(), Halt> {
+    fn act(
+        &mut self,
+        tid: Tid,
+        mut registers: Registers,
+        action: Result<Handling, Halt>,
+    ) -> Result<(), Halt> {
         match action {
-            Handling::Make => {
+            Ok(Handling::Make) | Err(Halt::Make) => {
                 self.show_clocks(tid)?;
                 sys::resume(tid, 0)?;
             }
-            Handling::Again => {
+            Err(Halt::Again) => {
                 registers.make_again();
                 registers.set(tid)?;
                 sys::resume(tid, 0)?;
             }
-            Handling::Answer(result) => {
+            Err(halt) => return Err(halt),
+            Ok(Handling::Answer(result)) => {
                 registers.answer(tid, result)?;
                 self.tree.set_state(tid, State::Ready(Resume::Go(0)));
             }
-            Handling::Block(wait, deadline) => self.block(tid, registers, wait, deadline),
+            Ok(Handling::Block(wait, deadline)) => self.block(tid, registers, wait, deadline),
         }
         Ok(())
     }

@@ -153,6 +153,7 @@ calls! {
         TimerCreate [libc::SYS_timer_create] Rule::Stop;
         TimerSettime [libc::SYS_timer_settime] Rule::Stop;
         TimerGettime [libc::SYS_timer_gettime] Rule::Stop;
+        TimerGetoverrun [libc::SYS_timer_getoverrun] Rule::Stop;
         TimerDelete [libc::SYS_timer_delete] Rule::Stop;
         TimerfdSettime [libc::SYS_timerfd_settime] Rule::Stop;
         TimerfdGettime [libc::SYS_timerfd_gettime] Rule::Stop;
