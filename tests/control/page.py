@@ -491,7 +491,8 @@ def looks_before(browser, program, trace, folder):
     simulator = Replayed(program, folder / "replayed", trace, until)
     page, wrong = open_page(browser, simulator, **DESK)
     wait("now is shown", lambda: abs(page.evaluate("sim.history.last") - until) < 0.001)
-    assert page.evaluate("[sim.history.first, Number(document.getElementById('when').min)]") == [0, 0]
+    first = "[sim.history.first, Number(document.getElementById('when').min)]"
+    wait("the past is there", lambda: page.evaluate(first) == [0, 0])
     page.locator("#when").evaluate("(slider, t) => { slider.value = t; slider.dispatchEvent(new Event('input')); }", then)
     names = ["r150.truth.x_m", "r150.truth.speed_mps"]
     csv = [program, "trace", trace, "--csv", ",".join(names), "--from", f"{then} s", "--to", f"{then} s"]
