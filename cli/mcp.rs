@@ -23,7 +23,7 @@ use rmcp::transport::async_rw::AsyncRwTransport;
 use rmcp::{ErrorData, ServerHandler};
 use rustix::process::{Pid, Signal, kill_process};
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Value, json};
 use tokio::process::{Child, Command};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{Mutex, Semaphore};
@@ -407,18 +407,26 @@ fn entry(part: &str) -> Option<&str> {
     }
 }
 
-/// The failures of a printed trace, and what came just before the first of them.
+/// The failures of a trace in JSON, and what came just before the first of them.
 fn explanation(log: &Path) -> io::Result<String> {
     let mut failures = Vec::new();
     // Events and frames.
     let mut before = [VecDeque::new(), VecDeque::new()];
     for line in BufReader::new(File::open(log)?).lines() {
         let line = line?;
-        if line.contains(" == FAILED: ") && failures.len() < MOST_FAILURES {
-            failures.push(line);
+        // What is none is a warning.
+        let about: Value = serde_json::from_str(&line).unwrap_or_default();
+        let [code, text, device] =
+            ["code", "text", "device"].map(|key| about[key].as_str().unwrap_or_default());
+        let shown = match about["time_s"].as_f64() {
+            Some(time) => format!("{time:.3} s {device} {text} [{code}]"),
+            None => line.clone(),
+        };
+        if code == "failure" && failures.len() < MOST_FAILURES {
+            failures.push(shown);
         } else if failures.is_empty() {
-            let kind = usize::from(line.contains(" -> ") || line.contains(" <- "));
-            before[kind].push_back(line);
+            let kind = usize::from(about["level"] == "traffic");
+            before[kind].push_back(shown);
             let more = before[kind].len().saturating_sub(MOST_BEFORE[kind]);
             before[kind].drain(..more);
         }
