@@ -29,7 +29,8 @@ const FRESH: usize = 2;
 const MARGIN: f64 = 40.0;
 /// Square of the least change that shows, in standard deviations.
 const TOUCHED: f64 = 25.0;
-/// Changes of a number that are tried, in its steps: by 20 %, to three times and to 0.3 times its value.
+/// Changes of a number that are tried, in its steps of 20 %: of one, and of so many that it is nearly three
+/// times as great or a third.
 const STEPS: [f64; 4] = [1.0, -1.0, 5.5, -5.5];
 /// Share of a recording that has to take part before it contradicts what is documented.
 pub(super) const ENOUGH: f64 = 0.5;

@@ -337,7 +337,7 @@ fn campaign_of_single_changes() {
 
 /// Random vehicles with eight settings changed each; `VEHICLES=20..40` are others.
 #[test]
-#[ignore = "takes half an hour; prints what is found"]
+#[ignore = "takes hours; prints what is found"]
 fn campaign_of_eight_changes() {
     let vehicles = std::env::var("VEHICLES").unwrap_or("0..10".to_owned());
     let (first, end) = vehicles.split_once("..").unwrap();
