@@ -85,24 +85,19 @@ fn times(capture: &[u8]) -> Vec<u64> {
     times
 }
 
+/// Runs `drive.toml` of a folder, and exports it there.
+fn run_exported(folder: &Folder, formats: &str) {
+    let run = "run --seed 1 --output . --export-all drive.toml --export";
+    let run: Vec<&str> = run.split(' ').chain([formats]).collect();
+    folder.sim(&run).expect_clean();
+}
+
 #[test]
 fn packets_and_bits_are_in_the_order_of_time() {
     // A recording tells of a burst of bytes when the next begins.
     let file = include_str!("../scenarios/mecanum/jobs/rectangle.toml");
     let folder = Folder::with(&[("drive.toml", file)]);
-    let run = [
-        "run",
-        "--seed",
-        "1",
-        "--output",
-        ".",
-        "--export",
-        "pcapng,vcd",
-        "--export-all",
-    ];
-    folder
-        .sim(&[&run[..], &["drive.toml"]].concat())
-        .expect_clean();
+    run_exported(&folder, "pcapng,vcd");
     let times = times(&fs::read(folder.file("drive.pcapng")).unwrap());
     assert!(times.len() > 10 && times.is_sorted(), "{times:?}");
     let vcd = folder.read("drive.vcd");
@@ -158,19 +153,7 @@ fn a_recording_has_values_frames_and_the_scenario() {
     let comes = "[[step]]\nat = \"500 ms\"\nworld = { add = { circle = [{ at_m = [9, 9], radius = \"20 cm\" }] } }\n";
     let drive = format!("{DRIVE}{comes}");
     let folder = Folder::with(&[("drive.toml", &drive)]);
-    let run = [
-        "run",
-        "--seed",
-        "1",
-        "--output",
-        ".",
-        "--export",
-        "mcap",
-        "--export-all",
-    ];
-    folder
-        .sim(&[&run[..], &["drive.toml"]].concat())
-        .expect_clean();
+    run_exported(&folder, "mcap");
     let file = fs::read(folder.file("drive.mcap")).unwrap();
     let (mut counts, mut last) = (BTreeMap::new(), 0);
     for message in mcap::MessageStream::new(&file).unwrap() {
@@ -236,19 +219,7 @@ fn bytes_of_bits(vcd: &str, sign: &str, bit: u64) -> Vec<u8> {
 #[test]
 fn bits_on_the_lines_are_the_bytes() {
     let folder = Folder::with(&[("drive.toml", DRIVE)]);
-    let run = [
-        "run",
-        "--seed",
-        "1",
-        "--output",
-        ".",
-        "--export",
-        "vcd",
-        "--export-all",
-    ];
-    folder
-        .sim(&[&run[..], &["drive.toml"]].concat())
-        .expect_clean();
+    run_exported(&folder, "vcd");
     let vcd = folder.read("drive.vcd");
     let recorded = |kind: &str| -> Vec<u8> {
         let trace = harness::json_lines(&folder.read("drive.trace.jsonl"));

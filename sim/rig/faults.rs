@@ -21,11 +21,8 @@ impl Rig {
         // What has arrived until now is still the fault's.
         self.pump(device);
         let slot = &self.slots[device];
-        let faults = slot
-            .faults
-            .iter()
-            .flat_map(|faults| (0..slot.lines.len()).map(|link| faults.adapter(link)));
-        if faults.flatten().next().is_some() {
+        let adapter = |link| slot.faults.as_ref()?.adapter(link);
+        if (0..slot.lines.len()).any(|link| adapter(link).is_some()) {
             self.pass_to_adapters(device);
         }
         self.report_faults(device);
