@@ -27,7 +27,7 @@ class Refused(ControlError):
 
 
 class NotReached(AssertionError):
-    """A condition has not come to hold in its time."""
+    """A condition did not become true in time."""
 
     # Where users know it from, which is what a failing test shows.
     __module__ = "rigsim"
@@ -35,7 +35,7 @@ class NotReached(AssertionError):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that a simulator tells: ``log``, ``values``, ``picture``, ``step``, ``time``,
+    """An event of a simulator: ``log``, ``values``, ``picture``, ``past``, ``step``, ``failure``, ``time``,
     ``lost`` or ``end``."""
 
     kind: str
@@ -43,7 +43,7 @@ class Event:
 
 
 class Control:
-    """The calls, one for one. :class:`rigsim.Device` is nicer."""
+    """The calls of control as methods. :class:`rigsim.Device` is more convenient."""
 
     def __init__(self, url: str) -> None:
         """``url`` is what the simulator prints, with the token in it."""
@@ -57,7 +57,7 @@ class Control:
         self._local = threading.local()
 
     def call(self, method: str, path: str, body: Json = None, timeout: float = 30.0) -> Json:
-        """Asks; ``timeout`` is real time in seconds.
+        """Sends a request and returns the answer; ``timeout`` is real time in seconds.
 
         Raises :class:`Refused`, or :class:`ControlError` when there is no answer.
         """
@@ -100,20 +100,20 @@ class Control:
         raise AssertionError("the last try either answers or raises")
 
     def add_step(self, step: Mapping[str, Json], wait: bool = False, timeout: float = 60.0) -> Json:
-        """Has a step done; with ``wait``, answers when it is over."""
+        """Adds a step; with ``wait``, returns when it has ended."""
         return self.call("POST", f"/v1/steps{'?wait=true' if wait else ''}", step, timeout)
 
     def steps(self) -> List[Json]:
-        """All steps and how far they are."""
+        """All steps with their states."""
         steps: List[Json] = self.call("GET", "/v1/steps")["steps"]
         return steps
 
     def step(self, name: str) -> Json:
-        """How far the step of this name is."""
+        """The state of the step of this name."""
         return self.call("GET", f"/v1/steps/{quote(name, safe='')}")
 
     def clear(self, name: Optional[str] = None) -> Json:
-        """Undoes a step, or all that were asked for here."""
+        """Cancels a step, or all steps added by control, and reverts what they changed."""
         path = "/v1/steps" if name is None else f"/v1/steps/{quote(name, safe='')}"
         return self.call("DELETE", path)
 
@@ -123,16 +123,16 @@ class Control:
         return values
 
     def names(self) -> List[Dict[str, str]]:
-        """What names there are, with unit and meaning."""
+        """All names, with unit and meaning."""
         names: List[Dict[str, str]] = self.call("GET", "/v1/names")["names"]
         return names
 
     def state(self) -> Json:
-        """What there is: devices, world, steps, reports, time."""
+        """Devices, world, steps, reports and time."""
         return self.call("GET", "/v1/state")
 
     def schema(self) -> Json:
-        """The forms of all that can be asked."""
+        """The JSON Schemas of steps and of changes of time."""
         return self.call("GET", "/v1/schema")
 
     def publish(self, values: Mapping[str, float]) -> Json:
@@ -140,7 +140,7 @@ class Control:
         return self.call("POST", "/v1/published", dict(values))
 
     def time(self, change: Json) -> Json:
-        """Lets time pass otherwise: ``"pause"``, ``"resume"``, ``{"step": "5 ms"}``, ``{"speed": 2}``."""
+        """Changes simulated time: ``"pause"``, ``"resume"``, ``{"step": "5 ms"}``, ``{"speed": 2}``."""
         return self.call("POST", "/v1/time", change)
 
     def events(
@@ -152,9 +152,8 @@ class Control:
         traffic: bool = False,
         timeout: Optional[float] = None,
     ) -> Iterator[Event]:
-        """What happens, as it happens, until the simulation ends; ``rate`` and ``picture`` are
-        messages a second of values and of where everything is. Ends with :class:`ControlError` when
-        nothing comes for ``timeout`` seconds."""
+        """Events as they happen, until the simulation ends. ``rate`` and ``picture`` are messages a second
+        of values and of poses. Raises :class:`ControlError` if nothing comes for ``timeout`` seconds."""
         query: Dict[str, Json] = {"traffic": str(traffic).lower()}
         if names:
             query.update(names=",".join(names), rate=rate)

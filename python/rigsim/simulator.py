@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import re
 import shutil
@@ -58,10 +59,8 @@ def span(value: Seconds) -> str:
 
 
 class Step:
-    """Something that was done: a fault that can be cleared, a push that can be ended.
-
-    As a context manager it is undone at the end of the block.
-    """
+    """A step that was added, such as a fault or a push. As a context manager it is reverted at the end of the
+    block."""
 
     def __init__(self, control: Control, name: str) -> None:
         self._control = control
@@ -69,7 +68,7 @@ class Step:
 
     @property
     def state(self) -> Dict[str, Json]:
-        """How far it is: ``state`` is waiting, active, done or failed."""
+        """Its state: ``state`` is waiting, active, done or failed."""
         state: Dict[str, Json] = self._control.step(self.name)
         return state
 
@@ -79,7 +78,7 @@ class Step:
         return int(self.state["hits"])
 
     def clear(self) -> None:
-        """Undoes it."""
+        """Cancels it, and reverts what it changed."""
         self._control.clear(self.name)
 
     def __enter__(self) -> "Step":
@@ -111,7 +110,7 @@ class Device:
 
     @property
     def control(self) -> Control:
-        """The calls beneath."""
+        """The calls of control."""
         return self.simulator.control
 
     @property
@@ -149,7 +148,7 @@ class Device:
         return self.step({"world": {change: value}}, lasts)
 
     def step(self, step: Mapping[str, Json], lasts: Optional[Seconds] = None) -> Step:
-        """Has a step done, in the form of a scenario file's."""
+        """Adds a step, in the form of scenario files."""
         whole = {"device": self.name, **step}
         if lasts is not None:
             whole["for"] = span(lasts)
@@ -185,11 +184,13 @@ class Simulator:
         self._is_closed = False
         state = control.state()
         devices = state["devices"]
-        #: Whose time it is: ``real``, or ``lockstep`` under ``sim run``, where time goes on while this
-        #: program waits.
+        #: The kind of time: ``real``, or ``lockstep`` under ``sim run``, where time passes while this program waits.
         self.time: str = state["time"]
         alone = len(devices) == 1
         self.devices = {about["name"]: Device(self, about, alone) for about in devices}
+        if process is not None:
+            # Without a `with` block it ends with this program.
+            atexit.register(self.close)
 
     @property
     def device(self) -> Device:
@@ -211,7 +212,7 @@ class Simulator:
 
     @property
     def joined(self) -> bool:
-        """Whether it was running already, and goes on when this is done."""
+        """Whether it was running already, and keeps running when this program ends."""
         return self._process is None
 
     @property
@@ -221,7 +222,7 @@ class Simulator:
 
     @property
     def verdict(self) -> str:
-        """What it has said of the scenario; empty without one, or before its end."""
+        """The verdict that it printed on the scenario; empty without a scenario, if it passed, or before its end."""
         found = re.search(r"^(FAILED|ERROR|skipped|aborted): .*", self.log, re.MULTILINE | re.DOTALL)
         return found.group() if found else ""
 
@@ -239,16 +240,16 @@ class Simulator:
             expect["message"] = message
         over = self._wait({"expect": expect})
         if over["state"] != "done":
-            raise NotReached(over.get("why") or f"`{condition}` has not come to hold")
+            raise NotReached(over.get("why") or f"`{condition}` did not become true in time")
 
     def _wait(self, step: Mapping[str, Json]) -> Json:
-        """Has a step done and waits until it is over, unless this program itself keeps that from coming."""
+        """Adds a step and waits until it has ended. Raises if it cannot end, since this program paused time."""
         if not self._has_paused:
             return self.control.add_step(step, wait=True, timeout=3600.0)
         over = self.control.add_step(step)
         if over["state"] not in ("done", "failed"):
             self.control.clear(over["name"])
-            raise ControlError("this would never end: time stands still since pause() or advance_by(); resume() lets it go on")
+            raise ControlError("this would never end: time stands still since pause() or advance_by(); call resume()")
         return over
 
     def get(self, name: str) -> Value:
@@ -260,26 +261,26 @@ class Simulator:
         self.control.publish(values)
 
     def clear(self) -> None:
-        """Undoes all that was done from here."""
+        """Cancels all steps added by control, and reverts what they changed."""
         self.control.clear()
 
     def pause(self) -> None:
-        """Lets simulated time stand still."""
+        """Pauses simulated time."""
         self.control.time("pause")
         self._has_paused = True
 
     def resume(self) -> None:
-        """Lets it go on."""
+        """Resumes simulated time."""
         self.control.time("resume")
         self._has_paused = False
 
     def advance_by(self, span_: Seconds) -> None:
-        """Lets so much pass, and then stand still; returns when it has passed."""
+        """Advances simulated time by this much, and pauses; returns when it has passed."""
         self.control.time({"step": span(span_)})
         self._has_paused = True
 
     def advance(self, span_: Seconds) -> None:
-        """Waits for so much simulated time, in whatever time it is."""
+        """Waits for this much simulated time, in any kind of time."""
         now = self.now
         step = {"at": span(span_), "expect": {"that": "true"}}
         over = self._wait(step)
@@ -296,7 +297,7 @@ class Simulator:
         """Simulated seconds for each second of real time."""
         speed = self.control.state()["speed"]
         if speed is None:
-            raise ControlError("time is the client's here: it goes on while the client waits, at no speed")
+            raise ControlError("in lockstep time belongs to the client and has no speed")
         return float(speed)
 
     @speed.setter
@@ -315,11 +316,12 @@ class Simulator:
         return self.control.events(names=names, rate=rate, traffic=traffic, timeout=timeout)
 
     def close(self) -> int:
-        """Ends a simulator that was started here; gives its exit code, however often it is called."""
+        """Ends a simulator that was started here, and returns its exit code. Further calls only return it."""
         if self._process is None:
             return 0
         if not self._is_closed:
             self._is_closed = True
+            atexit.unregister(self.close)
             self._end(self._process)
         return self._process.wait()
 

@@ -48,6 +48,14 @@ def test_what_is_wrong_is_said_in_words(sim_r150):
         sim_r150.until("truth.x_m > 5", within=0.01, message="far")
 
 
+def test_a_simulator_that_is_not_closed_ends_with_its_program():
+    program = "import rigsim; print(rigsim.start()._process.pid)"
+    printed = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    assert printed.stderr == ""
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(printed.stdout), 0)
+
+
 def test_what_a_client_believes_is_a_name_of_conditions(sim_r150):
     sim_r150.publish(x=1.5, heading=-90)
     assert sim_r150.get("client.x") == 1.5
