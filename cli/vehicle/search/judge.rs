@@ -113,17 +113,23 @@ impl Search<'_> {
             model.cells[at][slot].contradictions(seen, &model.layout)
         });
         let wrong: usize = signs.sum();
-        let left = |seen: &[Seen]| -> (f64, f64) {
+        let left = |seen: &[Seen]| -> [f64; 3] {
             let rest = self.rest(model, seen).0;
             let all = rest.iter().zip(&changes);
-            let costs = all.map(|(rest, change)| (cost(*rest), f64::from(change.abs() > 0.5)));
-            costs.fold((0.0, 0.0), |(sum, count), (cost, is)| {
-                (sum + is * cost, count + is)
+            let costs = all.filter(|(_, change)| change.abs() > 0.5);
+            let costs = costs.map(|(rest, _)| cost(*rest));
+            costs.fold([0.0; 3], |[sum, most, count], cost| {
+                [sum + cost, most.max(cost), count + 1.0]
             })
         };
-        let (of_vehicle, count) = left(&self.vehicle);
-        let fresh = model.fresh.iter().map(|play| left(play).0);
-        let by_chance = fresh.sum::<f64>() / model.fresh.len() as f64;
+        let [mut of_vehicle, most, count] = left(&self.vehicle);
+        let fresh = model.fresh.iter().map(|play| left(play)[0]);
+        let mut by_chance = fresh.sum::<f64>() / model.fresh.len() as f64;
+        if self.is_real() {
+            // Plays do not have what the machine adds, by which the standard deviations were widened.
+            by_chance = by_chance.max(count);
+            of_vehicle -= most;
+        }
         let spread = by_chance * (2.0 / count.max(1.0)).sqrt();
         let wrong = DIFFERENT * wrong.saturating_sub(2) as f64;
         [of_vehicle - by_chance + wrong, LEFT * spread + 1.0]
