@@ -222,8 +222,12 @@ def main(kind=Drive):
     except (OSError, serial.SerialException) as error:
         # Who knows what has happened meanwhile: the vehicle is stopped, and stays so.
         print(f"stopped for good: {error}")
-        link.open()
-    drive.stop()
+    while True:
+        try:
+            drive.stop()
+            return
+        except (OSError, serial.SerialException):
+            link.open()
 
 
 if __name__ == "__main__":
