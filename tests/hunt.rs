@@ -184,7 +184,7 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
 }
 
 /// A client that speaks until the port is gone, and what it does then is in a separate module. It aborts the
-/// hunt at a start of which the number is in a file.
+/// hunt at a start of which the number is in a file, and computes until the hunt has seen the signal.
 const ABORTING: &str = r#"
 import os, signal, time, ends
 
@@ -194,6 +194,8 @@ if os.path.exists("abort"):
     if left == 0:
         os.remove("abort")
         os.kill(int(open("pid").read()), signal.SIGINT)
+        while True:
+            pass
 
 port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY)
 for tick in range(20):
