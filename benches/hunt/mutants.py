@@ -3,9 +3,10 @@
 
     benches/hunt/mutants.py SIM r150|car [--runs N] [--every N] [--list]
 
-A mutant loses what one `raise`, `except` or guard does, or has a number in a guard that is ten times as large or a
-tenth. Only those that pass the plain job count. The unchanged client is the reference, so that a finding is one
-of the mutant alone. `--list` plays the plain job only; `--every 5` hunts every fifth.
+A mutant loses what one `raise`, `except` or guard does, or one operand of `and` or `or`; or it has a number in a
+guard that is ten times as large or a tenth. Only those that pass the plain job count. The unchanged client is the
+reference, so that a finding is one of the mutant alone. `--list` plays the plain job only; `--every 5` hunts every
+fifth.
 """
 import argparse
 import ast
@@ -33,6 +34,10 @@ def places(tree):
             yield f"line {line}: guard is never true", at, lambda node: setattr(node, "test", ast.Constant(False))
         if isinstance(node, ast.If) and isinstance(node.body[0], ast.Raise):
             yield f"line {line}: nothing is raised", at, lambda node: node.body.__setitem__(0, ast.Pass())
+        if isinstance(node, ast.BoolOp):
+            for place in range(len(node.values)):
+                change = lambda node, place=place: node.values.pop(place)
+                yield f"line {line}: operand {place + 1} is left out", at, change
         if isinstance(node, ast.Compare):
             for place, right in enumerate(node.comparators):
                 if isinstance(right, ast.Constant) and isinstance(right.value, (int, float)) and right.value:
