@@ -80,11 +80,11 @@ Examples:
       Write traces/scenarios-r150-faults-cable-pulled.trace.jsonl, a trace.
   sim trace ice.trace.jsonl
       Print all traffic and events, as `sim -v` does.
-  sim trace ice.trace.jsonl --from 2s --to 2.5s --device r150
+  sim trace ice.trace.jsonl --from 2s --until 2.5s --device r150
       Print half a second of it, for one device.
   sim trace ice.trace.jsonl --csv t,truth.x_m,reported.v48_a --every 10ms > ice.csv
       Print values as CSV, one line every 10 ms. `sim names` lists the names.
-  sim trace ice.trace.jsonl --export ice.pcapng
+  sim trace ice.trace.jsonl --to ice.pcapng
       Write all frames for Wireshark. docs/tools.md has the formats of other tools.
   sim trace yesterday.trace.jsonl today.trace.jsonl --within 20ms
       Print the first difference of two runs. Times that differ by up to 20 ms count as equal: in
@@ -184,7 +184,7 @@ impl Cli {
             Ok(cli)
         };
         parse(words).map_err(|error: clap::Error| {
-            if let Some(renamed) = former_name(&error) {
+            if let Some(renamed) = former_name(&error, words) {
                 return clap::Error::raw(error.kind(), format!("{renamed}\n"));
             }
             let shown: Vec<OsString> = words
@@ -200,7 +200,7 @@ impl Cli {
 }
 
 /// What a flag or subcommand is called now that there is no more.
-fn former_name(error: &clap::Error) -> Option<&'static Renamed> {
+fn former_name(error: &clap::Error, words: &[OsString]) -> Option<&'static Renamed> {
     let context = match error.kind() {
         ErrorKind::UnknownArgument => ContextKind::InvalidArg,
         ErrorKind::InvalidSubcommand => ContextKind::InvalidSubcommand,
@@ -210,7 +210,11 @@ fn former_name(error: &clap::Error) -> Option<&'static Renamed> {
         return None;
     };
     let word = word.split('=').next()?;
-    renamed::find(|kind| matches!(kind, Kind::Flag(_) | Kind::Ctl), word)
+    let is_here = |kind| match kind {
+        Kind::Flag(command) => words.get(1).is_some_and(|word| word == command),
+        kind => kind == Kind::Ctl,
+    };
+    renamed::find(is_here, word)
 }
 
 /// The command line with what the devices add to it.
@@ -394,14 +398,14 @@ pub(crate) struct TraceArgs {
     /// A trace of `sim run --output` or `sim --trace`.
     pub(crate) trace: PathBuf,
     /// Another trace: print the first difference, and what came before it.
-    #[arg(conflicts_with_all = ["csv", "every", "log_format", "export"])]
+    #[arg(conflicts_with_all = ["csv", "every", "log_format", "to"])]
     pub(crate) other: Option<PathBuf>,
     /// Begin at this simulated time, as in 2.5s.
     #[arg(long, value_name = "TIME")]
     pub(crate) from: Option<Span>,
     /// End at this simulated time.
     #[arg(long, value_name = "TIME")]
-    pub(crate) to: Option<Span>,
+    pub(crate) until: Option<Span>,
     /// Show only this device; may be repeated.
     #[arg(long, value_name = "NAME", action = ArgAction::Append, conflicts_with = "csv")]
     pub(crate) device: Vec<String>,
@@ -426,11 +430,11 @@ pub(crate) struct TraceArgs {
     #[arg(
         long,
         value_name = "FILE",
-        conflicts_with_all = ["from", "to", "device", "csv", "log_format"]
+        conflicts_with_all = ["from", "until", "device", "csv", "log_format"]
     )]
-    pub(crate) export: Option<PathBuf>,
-    /// The format of --export, whatever the ending.
-    #[arg(long, value_enum, requires = "export")]
+    pub(crate) to: Option<PathBuf>,
+    /// The format of --to, whatever the ending.
+    #[arg(long, value_enum, requires = "to")]
     pub(crate) format: Option<ExportFormat>,
 }
 

@@ -75,7 +75,8 @@ impl ExportFormat {
             let all: Vec<String> = Self::value_variants().iter().map(|format| format.name()).collect();
             let (path, all) = (visible::name(path), all.join(", "));
             Failure::usage(anyhow!(
-                "--export: the ending of {path} names no format; allowed: {all}. Or say it with --format"
+                "--to: the ending of {path} names no format; allowed: {all}. --format says it too; a time \
+                 belongs to --until"
             ))
         })
     }

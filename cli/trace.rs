@@ -21,7 +21,7 @@ pub(crate) fn trace(devices: Devices, args: &TraceArgs) -> Result<Exit, Failure>
     if let Some(other) = &args.other {
         return compare::compare(devices, args, [&args.trace, other]);
     }
-    if let Some(to) = &args.export {
+    if let Some(to) = &args.to {
         return exit(export::export(devices, &args.trace, to, args.format)?);
     }
     let (written, played) = if args.csv.is_empty() {
@@ -45,7 +45,7 @@ fn exit(played: Played) -> Result<Exit, Failure> {
 #[derive(Debug, Clone)]
 pub(super) struct Part {
     from: SimTime,
-    to: SimTime,
+    until: SimTime,
     /// Indices of devices; `None` for all.
     devices: Option<Vec<usize>>,
 }
@@ -69,7 +69,9 @@ impl Part {
         let devices: Result<Vec<usize>, Failure> = args.device.iter().map(index).collect();
         Ok(Self {
             from: SimTime::ZERO + args.from.map_or_else(Default::default, |from| from.0),
-            to: args.to.map_or(SimTime::MAX, |to| SimTime::ZERO + to.0),
+            until: args
+                .until
+                .map_or(SimTime::MAX, |until| SimTime::ZERO + until.0),
             devices: Some(devices?).filter(|devices| !devices.is_empty()),
         })
     }
@@ -79,6 +81,6 @@ impl Part {
             let devices = self.devices.as_ref();
             devices.is_none_or(|devices| devices.contains(&device))
         };
-        self.from <= at && at <= self.to && device.is_none_or(wanted)
+        self.from <= at && at <= self.until && device.is_none_or(wanted)
     }
 }

@@ -70,6 +70,7 @@ pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Setting, "mecanum.plugs", "fault = { kind = \"ports-swapped\", … }"),
     renamed(Kind::Setting, "r150.measurement_noise", "r150.noise.voltage, .current, .temperature and .speed"),
     renamed(Kind::Flag("run"), "--max-hold-up", "--max-stall"),
+    renamed(Kind::Flag("trace"), "--export", "--to"),
     renamed(Kind::Ctl, "go-on", "resume"),
     renamed(Kind::Ctl, "step-by", "advance"),
 ];

@@ -70,7 +70,7 @@ fn a_recording_reads_like_the_log() {
         "drive.trace.jsonl",
         "--from",
         "0.6s",
-        "--to",
+        "--until",
         "0.9s",
     ];
     let said = folder.sim(&part).expect_clean().out;
@@ -219,7 +219,7 @@ fn two_recordings_part_where_they_first_differ() {
     record(&folder, "d", &["--seed", "1"]);
     let shifted = ["trace", "a/drive.trace.jsonl", "d/drive.trace.jsonl"];
     assert_eq!(folder.sim(&shifted).code(), Some(1));
-    let long = [&shifted[..], &["--within", "10ms", "--to", "150ms"]].concat();
+    let long = [&shifted[..], &["--within", "10ms", "--until", "150ms"]].concat();
     folder.sim(&long).expect_clean();
 }
 

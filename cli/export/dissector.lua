@@ -1,5 +1,5 @@
 -- Copy it into Wireshark's folder of personal Lua plugins, or start `wireshark -X lua_script:FILE`.
--- It decodes what `sim trace T.jsonl --export FILE.pcapng` writes.
+-- It decodes what `sim trace T.jsonl --to FILE.pcapng` writes.
 
 local bxor = (bit32 or bit).bxor
 

@@ -36,7 +36,7 @@ pub(super) fn compare(
         if events.has_enough() {
             return Err(Failure::usage(anyhow!(
                 "{} has more than {MOST_EVENTS} events, too many to compare; choose some with --from, \
-                 --to or --device",
+                 --until or --device",
                 visible::name(path)
             )));
         }

@@ -147,6 +147,6 @@ impl Observer for Printer {
     }
 
     fn has_enough(&self) -> bool {
-        self.now > self.part.to || self.written.is_err()
+        self.now > self.part.until || self.written.is_err()
     }
 }

@@ -76,6 +76,6 @@ impl Observer for Values {
     }
 
     fn has_enough(&self) -> bool {
-        self.next > self.part.to || self.written.is_err()
+        self.next > self.part.until || self.written.is_err()
     }
 }

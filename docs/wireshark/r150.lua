@@ -1,6 +1,6 @@
 -- Dissector for an R150 in Wireshark. `sim schema r150 --format lua` prints it; do not edit.
 -- Copy it into Wireshark's folder of personal Lua plugins, or start `wireshark -X lua_script:FILE`.
--- It decodes what `sim trace T.jsonl --export FILE.pcapng` writes.
+-- It decodes what `sim trace T.jsonl --to FILE.pcapng` writes.
 
 local bxor = (bit32 or bit).bxor
 

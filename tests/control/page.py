@@ -495,7 +495,7 @@ def looks_before(browser, program, trace, folder):
     wait("the past is there", lambda: page.evaluate(first) == [0, 0])
     page.locator("#when").evaluate("(slider, t) => { slider.value = t; slider.dispatchEvent(new Event('input')); }", then)
     names = ["r150.truth.x_m", "r150.truth.speed_mps"]
-    csv = [program, "trace", trace, "--csv", ",".join(names), "--from", f"{then} s", "--to", f"{then} s"]
+    csv = [program, "trace", trace, "--csv", ",".join(names), "--from", f"{then} s", "--until", f"{then} s"]
     x, speed = map(float, subprocess.run(csv, check=True, capture_output=True, text=True).stdout.splitlines()[1].split(","))
     assert abs(page.evaluate("sim.picture.past.devices[0].x") - x) < 1e-9 and x > 0.1
     shown = page.evaluate(f"sim.history.valuesAt({then}).values")
