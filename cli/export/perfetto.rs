@@ -258,6 +258,8 @@ impl Perfetto {
                 // It belongs to its process by the number of that.
                 let name = format!("thread {thread}");
                 let track = self.track(0, &name, &message(4, &[&about.concat()]))?;
+                // It ran before it waited, which takes no simulated time.
+                self.event(*t, INSTANT, track, &[&named("run", "runs")])?;
                 self.next_slice(*t, track, (!wait.is_empty()).then_some(("wait", wait)))
             }
             Record::End { t, .. } => {
