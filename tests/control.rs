@@ -186,6 +186,14 @@ fn curl_speaks_with_it() {
 }
 
 #[test]
+fn the_only_device_needs_no_name_in_a_shell() {
+    let controlled = Controlled::start(&["--device", "mecanum"]);
+    controlled.expect_ctl(&["fault", "cable-pulled"], "cable-pulled: active");
+    controlled.expect_ctl(&["operator", "press", "forward"], "active");
+    controlled.finish();
+}
+
+#[test]
 fn a_shell_does_the_same() {
     let controlled = Controlled::start(&[]);
     let port = controlled.sim.port().to_str().unwrap().to_owned();

@@ -62,7 +62,8 @@ pub(crate) struct CtlArgs {
     )]
     url: Option<String>,
     /// The device, if there are several.
-    #[arg(long, value_name = "NAME", global = true)]
+    // A global argument takes over the default of one with its id above, which `sim --device` is.
+    #[arg(id = "ctl_device", long = "device", value_name = "NAME", global = true)]
     device: Option<String>,
     #[command(subcommand)]
     does: Does,
