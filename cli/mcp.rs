@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, File};
-use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom};
+use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::Arc;
@@ -42,8 +42,11 @@ const MOST_CALLS: u32 = 8;
 /// Most failures, and most events and frames before the first, that are explained.
 const MOST_FAILURES: usize = 30;
 const MOST_BEFORE: [usize; 2] = [12, 8];
+/// Most real time that a call of `control` takes: what waits for time to pass waits for ever while none does.
+const MOST_WAIT: Duration = Duration::from_secs(60);
 /// Time within which a simulator has to be there.
 const START: Duration = Duration::from_secs(20);
+const NOT_STARTED: &str = "no simulator was started";
 /// Time that is left to programs when the server ends.
 const END: Duration = Duration::from_secs(5);
 const INSTRUCTIONS: &str = "Tests a program that drives a vehicle over a serial port, the client, against \
@@ -262,10 +265,11 @@ impl ServerHandler for Server {
                 format!("Call `{}` again without this mistake.", row.name),
             ),
         };
-        let content = vec![ContentBlock::text(format!(
-            "{}\n\nNext: {next}",
-            text.trim_end()
-        ))];
+        let text = match text.trim_end() {
+            "" => "There is nothing to show.",
+            text => text,
+        };
+        let content = vec![ContentBlock::text(format!("{text}\n\nNext: {next}"))];
         let result = match is_good {
             true => CallToolResult::success(content),
             false => CallToolResult::error(content),
@@ -290,12 +294,13 @@ impl Server {
             "start" => return self.start(&words, log, context).await,
             "stop" => {
                 let live = self.live.lock().await.take();
-                let live = live.ok_or(io::Error::other("no simulator was started"))?;
+                let live = live.ok_or(io::Error::other(NOT_STARTED))?;
                 return Ok((true, live.stop().await?));
             }
             "control" => {
                 let url = self.live.lock().await.as_ref().map(|live| live.url.clone());
-                sim(&words, url.as_deref(), &log, context).await?
+                let url = url.ok_or(io::Error::other(NOT_STARTED))?;
+                sim(&words, Some(&url), &log, context).await?
             }
             "list" if words[0] == "devices" => {
                 let devices = self.devices.iter();
@@ -308,6 +313,9 @@ impl Server {
             "list" if is_good => {
                 let matching = arguments.get("matching").and_then(|words| words.first());
                 fs::write(&log, list(&fs::read_to_string(&log)?, matching))?;
+            }
+            "run" if fs::metadata(&log)?.len() > 2 * MOST_SHOWN => {
+                fs::write(&log, heads(&fs::read_to_string(&log)?))?;
             }
             "explain" if is_good => fs::write(&log, explanation(&log)?)?,
             _ => {}
@@ -370,7 +378,8 @@ fn spawn(words: &[String], url: Option<&str>, log: &Path) -> io::Result<Child> {
         .spawn()
 }
 
-/// Runs this program, and returns whether it went well. Ends it if the call is cancelled.
+/// Runs this program, and returns whether it went well. Ends it if the call is cancelled, or takes too long with
+/// the control socket at `url`.
 async fn sim(
     words: &[String],
     url: Option<&str>,
@@ -378,22 +387,54 @@ async fn sim(
     context: &RequestContext<RoleServer>,
 ) -> io::Result<bool> {
     let mut program = spawn(words, url, log)?;
+    let most = url.map_or(Duration::MAX, |_| MOST_WAIT);
     tokio::select! {
         ended = program.wait() => return Ok(ended?.success()),
-        () = context.ct.cancelled() => end(&program),
+        () = context.ct.cancelled() => {}
+        () = sleep(most) => {
+            let why = format!("not over after {} s of real time, and ended\n", most.as_secs());
+            File::options().append(true).open(log)?.write_all(why.as_bytes())?;
+        }
     }
+    end(&program);
     Ok(program.wait().await?.success())
+}
+
+/// What failed, with the traces, of results that are too long to be shown.
+fn heads(text: &str) -> String {
+    let is_head = |line: &&str| match line.strip_prefix("  ") {
+        Some(detail) => detail.starts_with("trace: "),
+        None => !line.starts_with("passed ") && !line.starts_with("skipped "),
+    };
+    let heads = text.lines().filter(is_head);
+    heads.map(|line| format!("{line}\n")).collect()
 }
 
 /// The entries of a printed list that contain a text; or what they are called, without their meanings.
 fn list(text: &str, matching: Option<&String>) -> String {
     // Comments stand above a setting, and what a fault does below its name.
     let gap = if text.contains("\n\n") { "\n\n" } else { "\n" };
-    let parts = text.split(gap).filter_map(|part| match matching {
-        Some(matching) => part.contains(matching).then(|| format!("{part}{gap}")),
-        None => entry(part).map(|name| format!("{name}\n")),
-    });
-    parts.collect()
+    let (mut table, mut shown) = (String::new(), String::new());
+    for part in text.split(gap) {
+        if let Some(head) = part.strip_prefix('[') {
+            table = head.replace(']', ".");
+            continue;
+        }
+        shown += &match (entry(part), matching) {
+            (Some(name), None) => format!("{table}{name}\n"),
+            (Some(name), Some(matching)) => {
+                let part = part.replace(name, &format!("{table}{name}"));
+                if !part.contains(matching) {
+                    continue;
+                }
+                part + gap
+            }
+            // It says the key of those below.
+            (None, None) if part.starts_with("## ") => format!("{part}\n"),
+            (None, _) => continue,
+        };
+    }
+    shown
 }
 
 /// What an entry of a list is called; `None` if it is none.

@@ -532,11 +532,19 @@ fn what_agents_send_wrongly_is_answered() {
             json!({"what": "faults", "matching": "cable-pulled"}),
         ),
         call(11, "list", json!({"what": "everything"})),
+        call(15, "control", json!({"words": ["state"]})),
+        r#"{"jsonrpc": "2.0", "id": 16, "method": "tools/list"}"#.to_owned(),
         call(12, "list", json!({"what": "faults"})),
         call(13, "list", json!({"what": "names", "device": "r150"})),
         call(14, "list", json!({"what": "config", "device": "mecanum"})),
+        call(
+            17,
+            "list",
+            json!({"what": "config", "matching": "r150.over_rate"}),
+        ),
+        call(18, "list", json!({"what": "names", "matching": "no such"})),
     ];
-    let answers = answers(&folder, &requests, 15);
+    let answers = answers(&folder, &requests, 19);
     let errors: Vec<i64> = answers
         .iter()
         .filter_map(|answer| answer["error"]["code"].as_i64())
@@ -545,7 +553,8 @@ fn what_agents_send_wrongly_is_answered() {
     assert_eq!(answers[0]["result"]["protocolVersion"], "2025-06-18");
     let text = |id: usize| {
         let result = &answers[id]["result"];
-        assert_eq!(result["isError"], id < 10 || id == 11, "{result}");
+        let is_wrong = id < 10 || [11, 15].contains(&id);
+        assert_eq!(result["isError"], is_wrong, "{result}");
         result["content"][0]["text"].as_str().unwrap()
     };
     assert!(text(1).starts_with("`files` has to be a list of texts: Files or folders."));
@@ -572,6 +581,21 @@ fn what_agents_send_wrongly_is_answered() {
     assert_eq!(faults.lines().find(missing), None);
     assert!(text(13).contains("truth.y_m\n") && !text(13).contains("left out"));
     assert!(text(14).contains("mecanum.ros_baud = \"") && !text(14).contains("left out"));
+    assert!(text(12).contains("\n## Operator: `operator`\n`"));
+    assert!(text(17).starts_with("# ") && text(17).contains("\nr150.over_rate = \"delay\"\n"));
+    assert!(text(18).starts_with("There is nothing to show."));
+    assert!(text(15).starts_with("no simulator was started\n\nNext: "));
+    // The example of a scenario file is one.
+    let mut tools = answers[16]["result"]["tools"].as_array().unwrap().iter();
+    let check = tools.find(|tool| tool["name"] == "check").unwrap();
+    let example = check["description"]
+        .as_str()
+        .unwrap()
+        .split_once("A file:\n")
+        .unwrap()
+        .1;
+    fs::write(folder.file("example.toml"), example).unwrap();
+    folder.sim(&["check", "example.toml"]).expect_clean();
 }
 
 #[test]
