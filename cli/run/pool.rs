@@ -23,6 +23,9 @@ use super::{json, live, lockstep, play, twice};
 /// Time in which everything has to end after a second signal.
 const LAST_PATIENCE: Duration = Duration::from_secs(15);
 
+/// Most cases that are begun before the result of an earlier one is printed: their results wait for it.
+const MOST_AHEAD: usize = 1000;
+
 /// Time to wait for a result before looking whether something is left to be done.
 const GLANCE: Duration = Duration::from_millis(50);
 
@@ -85,9 +88,13 @@ pub(crate) fn play_all(
 ) -> Result<Option<Failure>, Failure> {
     let page = audience.page;
     let stop = stop_by_signals()?;
-    let enough = AtomicBool::new(false);
+    let (enough, printed) = (AtomicBool::new(false), AtomicUsize::new(0));
     let work = |index: usize| {
-        if enough.load(Ordering::Relaxed) || stop.load(Ordering::Relaxed) {
+        let is_over = || enough.load(Ordering::Relaxed) || stop.load(Ordering::Relaxed);
+        while index >= printed.load(Ordering::Relaxed) + MOST_AHEAD && !is_over() {
+            std::thread::sleep(GLANCE);
+        }
+        if is_over() {
             return None;
         }
         let result = play(&cases[index], page, &stop);
@@ -105,8 +112,7 @@ pub(crate) fn play_all(
         }
     };
     // Those that wait to be printed until the ones before them have been.
-    let mut early = BTreeMap::new();
-    let mut printed = 0;
+    let (mut early, mut next) = (BTreeMap::new(), 0);
     let played = each(cases.len(), threads(args, cases.len()), work, |done| {
         if stop.load(Ordering::Relaxed) {
             note(audience.interrupted());
@@ -124,9 +130,10 @@ pub(crate) fn play_all(
         });
         note(audience.known(index, &result));
         early.insert(index, result);
-        while let Some(result) = early.remove(&printed) {
-            note(audience.in_order(printed, &result));
-            printed += 1;
+        while let Some(result) = early.remove(&next) {
+            note(audience.in_order(next, &result));
+            next += 1;
+            printed.store(next, Ordering::Relaxed);
         }
     });
     // After a gap that was never played.
