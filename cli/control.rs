@@ -282,7 +282,7 @@ impl RequestQueue {
             .past
             .as_ref()
             .filter(|_| listener.wants.picture_every.is_some());
-        let past = past.map(|past| message("past", past.shown(&probes)));
+        let past = past.map(|past| message("past", past.shown(&probes, &self.words)));
         let mut one = Listening::new(listener, probes, known, now);
         past.iter().for_each(|past| one.send(past));
         self.listening.push(one);
@@ -362,7 +362,8 @@ impl RequestQueue {
     fn send_log(&mut self) {
         for event in self.unsent.drain(..) {
             let is_traffic = event.kind.level() == Level::Traffic;
-            let message = message_of(&self.words, event);
+            let words = Arc::clone(&self.words);
+            let message = Message::new("log", move || log_line(&words, &event));
             for one in &mut self.listening {
                 if !is_traffic || one.listener.wants.traffic {
                     one.send(&message);
@@ -422,12 +423,9 @@ fn message(kind: &'static str, data: Value) -> Message {
 }
 
 /// An event as listeners get it: what the log has for programs, and its line for people.
-fn message_of(words: &Arc<Words>, event: Event) -> Message {
-    let words = Arc::clone(words);
-    Message::new("log", move || {
-        let mut shown = words.json(&event);
-        shown["line"] = json!(visible::line(&words.plain(&event)));
-        shown["role"] = json!(ask::role(&event));
-        shown
-    })
+fn log_line(words: &Words, event: &Event) -> Value {
+    let mut shown = words.json(event);
+    shown["line"] = json!(visible::line(&words.plain(event)));
+    shown["role"] = json!(ask::role(event));
+    shown
 }

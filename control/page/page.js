@@ -302,7 +302,10 @@ function take(kind, data) {
     takePicture(data);
     element("clock").textContent = `${data.t.toFixed(3)} s`;
   } else if (kind === "past") {
-    if (!history.frames.length) data.pictures.forEach(takePicture);
+    if (!history.frames.length) {
+      data.pictures.forEach(takePicture);
+      data.log.forEach(addLine);
+    }
     history.addPast(data.values);
     charts.refresh();
   } else if (kind === "values") { history.addValues(data); charts.refresh(); }

@@ -493,7 +493,11 @@ def looks_before(browser, program, trace, folder):
     wait("now is shown", lambda: abs(page.evaluate("sim.history.last") - until) < 0.001)
     first = "[sim.history.first, Number(document.getElementById('when').min)]"
     wait("the past is there", lambda: page.evaluate(first) == [0, 0])
+    page.wait_for_selector("#lines li.request")
     page.locator("#when").evaluate("(slider, t) => { slider.value = t; slider.dispatchEvent(new Event('input')); }", then)
+    # The log of before is there, and follows.
+    line = page.locator("#lines li.place").inner_text()
+    assert abs(float(line.split()[0]) - then) < 0.5, line
     names = ["r150.truth.x_m", "r150.truth.speed_mps"]
     csv = [program, "trace", trace, "--csv", ",".join(names), "--from", f"{then} s", "--until", f"{then} s"]
     x, speed = map(float, subprocess.run(csv, check=True, capture_output=True, text=True).stdout.splitlines()[1].split(","))
