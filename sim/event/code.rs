@@ -65,8 +65,8 @@ pub enum Attribution {
     /// The client, unless either was so.
     ClientUnlessDisturbedOrLate,
     /// The client, unless something disturbed its line in the second before: what it sends at a
-    /// steady rate may come in a burst then.
-    ClientUnlessHeldBack,
+    /// steady rate may come in a burst then, and a spoilt request may have changed a mode.
+    ClientUnlessLatelyDisturbed,
 }
 
 impl Attribution {
@@ -77,7 +77,7 @@ impl Attribution {
             self,
             Self::ClientUnlessDisturbed
                 | Self::ClientUnlessDisturbedOrLate
-                | Self::ClientUnlessHeldBack
+                | Self::ClientUnlessLatelyDisturbed
         )
     }
 
@@ -85,7 +85,7 @@ impl Attribution {
     #[must_use]
     pub const fn looks_back(self) -> Duration {
         match self {
-            Self::ClientUnlessHeldBack => Duration::from_secs(1),
+            Self::ClientUnlessLatelyDisturbed => Duration::from_secs(1),
             _ => Duration::ZERO,
         }
     }

@@ -26,11 +26,11 @@ crate::codes! {
     /// The control type is unknown.
     BAD_CONTROL_TYPE = "bad_control_type", Warning, ClientUnlessDisturbed;
     /// A motion was refused because too many wait.
-    QUEUE_FULL = "queue_full", Warning, ClientUnlessLate;
+    QUEUE_FULL = "queue_full", Warning, ClientUnlessDisturbedOrLate;
     /// A motion was ignored because the remote control drives.
-    IGNORED_IN_REMOTE = "ignored_in_remote", Warning, Client;
+    IGNORED_IN_REMOTE = "ignored_in_remote", Warning, ClientUnlessLatelyDisturbed;
     /// A motion was ignored because the other link drives.
-    IGNORED_FOR_ROS = "ignored_for_ros", Warning, Client;
+    IGNORED_FOR_ROS = "ignored_for_ros", Warning, ClientUnlessLatelyDisturbed;
     /// A motion began.
     MOTION_STARTED = "motion_started", Notice, NoParty;
     /// A motion came to its end.

@@ -23,7 +23,7 @@ crate::codes! {
     /// Reserved bits in a power control request.
     RESERVED_BITS = "reserved_bits", Warning, ClientUnlessDisturbed;
     /// Motor commands came faster than they can be answered.
-    OVER_RATE = "over_rate", Warning, ClientUnlessHeldBack;
+    OVER_RATE = "over_rate", Warning, ClientUnlessLatelyDisturbed;
     /// A command was refused because the app holds control.
     APP_IN_CONTROL = "app_in_control", Warning, NoParty;
     /// A motor command does not move the vehicle.

@@ -156,6 +156,33 @@ fn a_disturbed_line_is_not_attributed_to_the_client() {
 }
 
 #[test]
+fn a_mode_that_a_spoilt_request_may_have_left_is_not_attributed_to_the_client() {
+    let motion = |at: &str| {
+        format!(
+            "[[step]]\nat = \"{at}\"\nhost = {{ send = {{ motion = {{ moving_idx = 0, s = 10, v = 100 }} }} }}\n"
+        )
+    };
+    let outcome = car(
+        "5s",
+        &format!(
+            "[[step]]\nat = \"500ms\"\nhost = {{ send = {{ control_mode = {{ mode = 1 }} }} }}\n\
+             [[step]]\nat = \"1s\"\nfor = \"1s\"\noptional = true\n\
+             fault = {{ kind = \"bit-flips\", probability = 0.001 }}\n{}{}{}\
+             [[step]]\nat = \"4.5s\"\nexpect = {{ that = \"count.ignored_in_remote == 3\" }}\n",
+            motion("1.5s"),
+            motion("2.9s"),
+            motion("4s"),
+        ),
+    );
+    let mut failures = outcome.failures.iter().map(ToString::to_string);
+    assert!(!failures.any(|failure| failure.contains("expected")));
+    assert_eq!(
+        outcome.devices[0].report.events["ignored_in_remote"].count,
+        1
+    );
+}
+
+#[test]
 fn a_run_with_every_kind_of_chance_is_repeated_from_its_trace() {
     let more = "[[step]]\nname = \"noise\"\nat = \"1s\"\nevery = \"1s\"\nfor = \"400ms\"\nprobability = 0.7\noptional = true\nfault = { kind = \"bit-flips\", probability = 0.1 }\n";
     let text = text(R150, "6s", &format!("{ON}{DRIVE}{more}"));
