@@ -1,33 +1,26 @@
 //! A pseudo-terminal in step with its client: whatever has been written to it is there to be read.
 
-use std::cell::OnceCell;
+mod pair;
+
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::io;
-use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use rigsim_settings::ClientLine;
-use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
-use rustix::fs::{CWD, Mode, OFlags};
-use rustix::io::retry_on_intr;
-use rustix::termios::{
-    Action, LocalModes, OptionalActions, OutputModes, QueueSelector, SpecialCodeIndex, Termios,
-};
+use rustix::event::{PollFd, PollFlags};
+use rustix::termios::{Action, LocalModes};
+
+use pair::{MOST_READ, Pair};
+pub(crate) use pair::{ReadRule, poll};
 
 /// Most bytes that go to the kernel at once, whose own limit is 4095.
 const MOST_IN_KERNEL: usize = 3072;
-/// Most bytes that a client can read at once, as the kernel has it for terminals.
-const MOST_READ: usize = 4095;
 /// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
 const MOST_WAITING: usize = 20_480;
 /// Most pseudo-terminals of pulled cables that are kept.
 const MOST_FORMER: usize = 64;
-/// Time that a hang-up may take through the kernel. It is a matter of microseconds, unless the machine
-/// has no time for this program.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Modem lines, as `TIOCM_*` has them.
 pub mod modem {
@@ -40,22 +33,8 @@ pub mod modem {
     pub const READ: u32 = 0x020 | 0x040 | 0x100;
 }
 
-/// Rule by which a read comes to its end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct ReadRule {
-    /// Bytes that it waits for, `VMIN`; `None` if it waits for a line.
-    pub(crate) least: Option<usize>,
-    pub(crate) patience: Option<Duration>,
-}
-
-impl ReadRule {
-    /// A read returns at once, whatever is there.
-    pub(crate) fn never_waits(self) -> bool {
-        self.least == Some(0) && self.patience.is_none()
-    }
-}
-
 /// A port that clients of a run open under the path of a link.
+#[derive(Default)]
 pub struct Port {
     link: PathBuf,
     baud: u32,
@@ -68,33 +47,26 @@ pub struct Port {
     lines: Option<VecDeque<usize>>,
     /// A client polls it by an epoll or is sent a signal (`O_ASYNC`): the kernel has to know whether there
     /// are bytes.
-    pub(crate) needs_sign: bool,
+    needs_sign: bool,
     /// The kernel has sent a signal, if it was to send any.
     pub(crate) has_signalled: bool,
     /// The kernel has bytes that stand for those that wait.
     has_sign: bool,
-    /// The client has stopped its output or its input (`tcflow`), or started it again.
-    pub(crate) flows: bool,
+    /// The client has stopped its output (`tcflow`).
+    is_stopped: bool,
+    /// The client has stopped or started its input (`tcflow`), for which the terminal sends a byte.
+    flows: bool,
     /// The world has had no room for what the client wrote.
     is_full: bool,
     lost: u64,
     /// Open descriptions of it that clients hold.
     pub(crate) opened: usize,
+    /// A client may have it open through `/dev/tty`, of which no watch tells.
+    pub(crate) by_tty: Cell<bool>,
     pub(crate) modem: u32,
     /// Client's ends of those whose cable has been pulled. The system gives their numbers to no other program
     /// as long as they are open, so no client that has kept such a path opens the port of another run.
     former: VecDeque<OwnedFd>,
-}
-
-/// Both ends of a pseudo-terminal. Our own descriptor of the client's end lets us see what it sees.
-struct Pair {
-    master: OwnedFd,
-    defaults: Termios,
-    slave: OwnedFd,
-    device: u64,
-    watch: OwnedFd,
-    /// Its settings, once they have been asked for, until the client changes them.
-    settings: OnceCell<(Termios, ClientLine)>,
 }
 
 impl Port {
@@ -103,23 +75,8 @@ impl Port {
     /// # Errors
     /// When the system refuses a pseudo-terminal or the link.
     pub fn new(link: PathBuf, baud: u32) -> io::Result<Self> {
-        let mut port = Self {
-            link,
-            baud,
-            pair: None,
-            arrived: VecDeque::new(),
-            ready: VecDeque::new(),
-            lines: None,
-            needs_sign: false,
-            has_signalled: false,
-            has_sign: false,
-            flows: false,
-            is_full: false,
-            lost: 0,
-            opened: 0,
-            modem: 0,
-            former: VecDeque::new(),
-        };
+        let mut port = Self::default();
+        (port.link, port.baud) = (link, baud);
         port.plug()?;
         Ok(port)
     }
@@ -171,8 +128,8 @@ impl Port {
             return Ok(false);
         };
         self.forget_bytes();
+        self.forget_flow();
         (self.needs_sign, self.has_sign) = (false, false);
-        (self.flows, self.is_full, self.modem) = (false, false, 0);
         self.former.push_back(pair.hang_up()?);
         if self.former.len() > MOST_FORMER {
             self.former.pop_front();
@@ -260,21 +217,48 @@ impl Port {
 
     /// Returns whether the terminal keeps back what the client writes.
     pub(crate) fn is_stopped(&self) -> bool {
-        self.pair.as_ref().is_some_and(|pair| {
-            (self.flows || !pair.is_raw()) && !poll(&mut [PollFd::new(&pair.slave, PollFlags::OUT)])
-        })
+        let pair = self.pair.as_ref();
+        self.is_stopped || pair.is_some_and(|pair| !pair.is_raw() && !pair.has_room())
     }
 
-    /// The world has no room for what the client writes, or may have again. An epoll finds that, too.
-    pub(crate) fn set_full(&mut self, is_full: bool) {
-        if std::mem::replace(&mut self.is_full, is_full) != is_full
-            && self.needs_sign
-            && let Some(pair) = &self.pair
-        {
-            self.flows = true;
-            let action = if is_full { Action::OOff } else { Action::OOn };
-            // It cannot fail on a terminal that is there.
-            let _ = rustix::termios::tcflow(&pair.slave, action);
+    /// The client stops or starts its output or its input (`tcflow`); returns whether the kernel is to do so.
+    pub(crate) fn flow(&mut self, action: u64) -> bool {
+        match action {
+            0 | 1 => self.is_stopped = action == 0,
+            _ => self.flows = true,
+        }
+        action != 1 || !(self.is_full && self.needs_sign)
+    }
+
+    /// An epoll polls it, or it is to send signals.
+    pub(crate) fn need_signs(&mut self) -> io::Result<()> {
+        self.needs_sign = true;
+        if self.is_full {
+            self.sign_room(Action::OOff);
+        }
+        self.top_up()
+    }
+
+    /// The world has taken what the client wrote, or as much as there was room for. An epoll finds an edge.
+    pub(crate) fn has_sent(&mut self, all: bool) {
+        if !std::mem::replace(&mut self.is_full, true) {
+            self.sign_room(Action::OOff);
+        }
+        if all {
+            self.make_room();
+        }
+    }
+
+    /// The world may have room again.
+    pub(crate) fn make_room(&mut self) {
+        if std::mem::take(&mut self.is_full) && !self.is_stopped {
+            self.sign_room(Action::OOn);
+        }
+    }
+
+    fn sign_room(&self, action: Action) {
+        if let Some(pair) = self.pair.as_ref().filter(|_| self.needs_sign) {
+            pair.flow(action);
         }
     }
 
@@ -300,22 +284,8 @@ impl Port {
     }
 
     /// Opens (`true`) and closes by clients since the last time.
-    pub(crate) fn changes(&mut self) -> Vec<bool> {
-        let mut changes = Vec::new();
-        let Some(pair) = &self.pair else {
-            return changes;
-        };
-        let mut buffer = [MaybeUninit::uninit(); 2048];
-        let mut reader = inotify::Reader::new(&pair.watch, &mut buffer);
-        while let Ok(event) = reader.next() {
-            let closed = ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE;
-            if event.events().contains(ReadFlags::OPEN) {
-                changes.push(true);
-            } else if event.events().intersects(closed) {
-                changes.push(false);
-            }
-        }
-        changes
+    pub(crate) fn changes(&self) -> Vec<bool> {
+        self.pair.as_ref().map_or(Vec::new(), Pair::changes)
     }
 
     /// The last client has left; what it has not read, and what it has set, is not for the next.
@@ -323,7 +293,7 @@ impl Port {
         self.forget_bytes();
         // An epoll may watch it for the next client already, so it needs signs as before.
         self.has_sign = false;
-        (self.flows, self.is_full, self.modem) = (false, false, 0);
+        self.forget_flow();
         if let Some(pair) = &mut self.pair {
             pair.settings.take();
             pair.restore();
@@ -334,6 +304,11 @@ impl Port {
         self.arrived.clear();
         self.ready.clear();
         self.lines = None;
+    }
+
+    fn forget_flow(&mut self) {
+        (self.is_stopped, self.flows, self.is_full) = (false, false, false);
+        self.modem = 0;
     }
 
     /// The client throws away what it has not read.
@@ -354,27 +329,13 @@ impl Port {
         if let Some(pair) = &self.pair
             && std::mem::take(&mut self.has_sign)
         {
-            // It cannot fail on a terminal that is there.
-            let _ = rustix::termios::tcflush(&pair.slave, QueueSelector::IFlush);
+            pair.flush();
         }
-    }
-
-    fn termios(&self) -> Option<&Termios> {
-        let (termios, _) = self.pair.as_ref()?.settings().ok()?;
-        Some(termios)
     }
 
     pub(crate) fn read_rule(&self) -> ReadRule {
-        let (mut least, mut patience) = (Some(1), None);
-        if let Some(termios) = self.termios() {
-            let is_raw = !termios.local_modes.contains(LocalModes::ICANON);
-            let [min, tenths] = [SpecialCodeIndex::VMIN, SpecialCodeIndex::VTIME]
-                .map(|index| termios.special_codes[index]);
-            least = is_raw.then_some(min.into());
-            patience =
-                (is_raw && tenths > 0).then(|| Duration::from_millis(100 * u64::from(tenths)));
-        }
-        ReadRule { least, patience }
+        let pair = self.pair.as_ref();
+        pair.map_or(ReadRule::ANY, Pair::read_rule)
     }
 
     /// Bytes that the client could read at once.
@@ -436,166 +397,20 @@ impl Port {
 
     /// Bytes that a terminal makes of those that are written to it.
     pub(crate) fn cooked(&self, bytes: &[u8]) -> Vec<u8> {
-        let modes = self.termios().map(|termios| termios.output_modes);
-        let modes = modes.unwrap_or(OutputModes::empty());
-        let has = |mode| modes.contains(OutputModes::OPOST | mode);
-        let cooked = bytes.iter().flat_map(|&byte| match byte {
-            b'\n' if has(OutputModes::ONLCR) => [Some(b'\r'), Some(byte)],
-            b'\r' if has(OutputModes::OCRNL) => [Some(b'\n'), None],
-            // As the kernel has it, letters of Latin-1.
-            b'a'..=b'z' | 0xDF..=0xF6 | 0xF8.. if has(OutputModes::OLCUC) => {
-                [Some(byte - 0x20), None]
-            }
-            _ => [Some(byte), None],
-        });
-        cooked.flatten().collect()
+        let pair = self.pair.as_ref();
+        pair.map_or_else(|| bytes.to_vec(), |pair| pair.cooked(bytes))
     }
 
     /// Bytes that the terminal itself sends, as an echo of what came.
     pub(crate) fn take_echo(&self) -> Vec<u8> {
         let pair = self.pair.as_ref();
         let pair = pair.filter(|pair| self.flows || !pair.is_raw());
-        let echo = pair.and_then(|pair| read(&pair.master, MOST_READ));
-        echo.unwrap_or_default()
+        pair.map_or(Vec::new(), Pair::echo)
     }
 }
 
 impl Drop for Port {
     fn drop(&mut self) {
         self.remove();
-    }
-}
-
-/// Returns whether any of these is ready.
-pub(crate) fn poll(polls: &mut [PollFd<'_>]) -> bool {
-    rustix::event::poll(polls, Some(&Timespec::default())).is_ok_and(|count| count > 0)
-}
-
-/// Takes what is there; `None` if that fails.
-fn read(from: &OwnedFd, most: usize) -> Option<Vec<u8>> {
-    let mut bytes = vec![0; most];
-    let count = retry_on_intr(|| rustix::io::read(from, &mut bytes[..])).ok()?;
-    bytes.truncate(count);
-    Some(bytes)
-}
-
-impl Pair {
-    fn open(baud: u32) -> io::Result<(Self, PathBuf)> {
-        let setup = rigsim_pty::PtySetup::raw(baud);
-        let (master, node, defaults) =
-            rigsim_pty::open_terminal(&setup).map_err(io::Error::other)?;
-        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-        let slave = rustix::fs::openat(CWD, &node, flags, Mode::empty())?;
-        let device = rustix::fs::fstat(&slave)?.st_rdev;
-        let watch = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC)?;
-        let events = WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE;
-        inotify::add_watch(&watch, &node, events)?;
-        let pair = Self {
-            master,
-            defaults,
-            slave,
-            device,
-            watch,
-            settings: OnceCell::new(),
-        };
-        Ok((pair, node))
-    }
-
-    fn settings(&self) -> io::Result<&(Termios, ClientLine)> {
-        if let Some(known) = self.settings.get() {
-            return Ok(known);
-        }
-        let line = rigsim_pty::line_of(&self.slave)?;
-        let termios = rustix::termios::tcgetattr(&self.slave)?;
-        Ok(self.settings.get_or_init(|| (termios, line)))
-    }
-
-    fn is_raw(&self) -> bool {
-        self.settings().is_ok_and(|(_, line)| line.raw)
-    }
-
-    /// Makes the terminal what it was before any client came. None of it fails on a terminal that is there.
-    fn restore(&self) {
-        let _ = rustix::termios::tcsetattr(&self.slave, OptionalActions::Now, &self.defaults);
-        let _ = rigsim_pty::restore_end(&self.slave);
-    }
-
-    /// Writes to the client's end, which has room for what goes there at once.
-    fn write(&self, mut bytes: &[u8]) -> io::Result<()> {
-        while !bytes.is_empty() {
-            // The tick of the tracer interrupts it now and then.
-            let count = retry_on_intr(|| rustix::io::write(&self.master, bytes))?;
-            bytes = bytes.get(count..).unwrap_or_default();
-        }
-        Ok(())
-    }
-
-    /// Takes what the terminal has made of all that was written: lines, or bytes.
-    fn edited(&self, has_lines: bool) -> io::Result<Vec<Vec<u8>>> {
-        let mut parts = Vec::new();
-        // A poll that finds nothing waits until the terminal has dealt with what was written. A read that does
-        // not wait takes what is there, whatever VMIN says.
-        while poll(&mut [PollFd::new(&self.slave, PollFlags::IN)]) || !has_lines {
-            match read(&self.slave, MOST_READ) {
-                Some(bytes) if has_lines || !bytes.is_empty() => parts.push(bytes),
-                _ => break,
-            }
-        }
-        Ok(parts)
-    }
-
-    /// Returns whether one of these bytes is a signal (`ISIG`), which throws away what has not been read.
-    fn discards(&self, termios: &Termios, bytes: &[u8]) -> bool {
-        let codes = [
-            SpecialCodeIndex::VINTR,
-            SpecialCodeIndex::VQUIT,
-            SpecialCodeIndex::VSUSP,
-        ]
-        .map(|code| termios.special_codes[code]);
-        let modes = termios.local_modes;
-        // Zero is none.
-        modes.contains(LocalModes::ISIG)
-            && !modes.contains(LocalModes::NOFLSH)
-            && bytes.iter().any(|byte| *byte != 0 && codes.contains(byte))
-    }
-
-    /// Writes so many bytes of no meaning, for which the terminal neither waits for a line nor sends an echo.
-    fn sign(&self, termios: &Termios, count: usize) -> io::Result<()> {
-        let set = |termios: &Termios| {
-            rustix::termios::tcsetattr(&self.slave, OptionalActions::Now, termios)
-        };
-        let mut plain = termios.clone();
-        plain.local_modes = LocalModes::empty();
-        let is_plain = !termios
-            .local_modes
-            .intersects(LocalModes::ICANON | LocalModes::ECHO);
-        if !is_plain {
-            set(&plain)?;
-        }
-        self.write(&vec![0; count])?;
-        poll(&mut [PollFd::new(&self.slave, PollFlags::IN)]);
-        if !is_plain {
-            set(termios)?;
-        }
-        Ok(())
-    }
-
-    /// Closes the master and returns the other end when that is hung up for the clients that have it open: until
-    /// then a read there fails, and from then on it finds the end. A process that another thread of
-    /// this program starts has the master open as well, until it has become another program.
-    fn hang_up(self) -> io::Result<OwnedFd> {
-        drop(self.master);
-        let begun = Instant::now();
-        while begun.elapsed() < PATIENCE {
-            let mut slave = [PollFd::new(&self.slave, PollFlags::IN)];
-            if poll(&mut slave) && slave[0].revents().contains(PollFlags::ERR) {
-                return Ok(self.slave);
-            }
-            std::thread::yield_now();
-        }
-        Err(io::Error::other(
-            "the client does not find that its cable has been pulled: another process has the other \
-             end of its pseudo-terminal open",
-        ))
     }
 }

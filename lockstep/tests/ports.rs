@@ -523,6 +523,70 @@ int main(void) {
     );
 }
 
+/// Room that there is again, and an edge for all that was written.
+#[test]
+fn an_epoll_finds_room_whatever_has_happened_meanwhile() {
+    let code = r#"
+static int fd, e; static struct epoll_event edge = {EPOLLOUT | EPOLLET}, got;
+static int found(int ms) { return epoll_wait(e, &got, 1, ms); }
+int main(void) {
+  struct pollfd p; fd = port(O_NONBLOCK); p = (struct pollfd){fd, POLLOUT};
+  int n = E(write(fd, "abcd", 4)); e = epoll_create1(0); epoll_ctl(e, EPOLL_CTL_ADD, fd, &edge);
+  printf("added %d %d", n, found(0)); printf(" %d\n", found(1000));
+  n = E(write(fd, "x", 1)); printf("written %d %d", n, found(10)); printf(" %d\n", found(10));
+  n = E(write(fd, "abcd", 4)); printf("stopped %d %d", n, found(0)); tcflow(fd, TCOOFF); usleep(1000);
+  printf(" %d %d %d", poll(&p, 1, 0), found(0), E(write(fd, "x", 1))); tcflow(fd, TCOON); printf(" %d %d\n", poll(&p, 1, 0), found(0));
+  n = E(write(fd, "abcd", 4)); tcflow(fd, TCOOFF); tcflow(fd, TCOON); printf("started %d %d", n, found(0)); printf(" %d\n", found(1000));
+}
+"#;
+    let Some((_folder, binary)) = c(&format!("{CLIENT}{code}"), &[]) else {
+        return;
+    };
+    let stage = Stage {
+        device: Device {
+            room: 2,
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let played = play_on(stage, &[text(&binary)]).expect("it can be run");
+    assert_eq!(
+        played.output, "added 2 0 1\nwritten 1 1 0\nstopped 2 0 0 0 -11 1 1\nstarted 2 0 1\n",
+        "{:?}",
+        played.ending
+    );
+}
+
+/// It leads to the port that controls the client, which is open as long as that is.
+#[test]
+fn a_port_is_used_through_the_terminal_that_controls_a_client() {
+    let code = r#"
+static char b[9];
+static int tty(void) { return open("/dev/tty", O_RDWR); }
+static int said(int fd, const char *text) { write(fd, text, 3); usleep(60000); return read(fd, b, 9); }
+int main(void) {
+  if (fork()) { wait(0); return 0; }
+  setsid(); int fd = open(getenv("PORT"), O_RDWR), t = tty(), n = 0; write(t, "ab\n", 3);
+  struct pollfd p = {t, POLLIN}; printf("%d", poll(&p, 1, 1000)); ioctl(t, FIONREAD, &n); printf(" %d %d\n", n, E(read(t, b, 9)));
+  close(fd); printf("%d\n", said(t, "cd\n")); close(t); usleep(1000);
+  t = tty(); printf("%d %.2s\n", said(t, "ef\n"), b);
+}
+"#;
+    let Some(played) = c_played(&format!("{CLIENT}{code}")) else {
+        return;
+    };
+    assert_eq!(played.output, "1 3 3\n3\n3 EF\n", "{:?}", played.ending);
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+    let kinds = played
+        .trace
+        .iter()
+        .filter_map(|line| line.split(' ').nth(1));
+    assert_eq!(
+        kinds.collect::<Vec<_>>().join(" "),
+        "opened sent answered sent answered closed opened sent answered closed"
+    );
+}
+
 #[test]
 fn the_last_close_makes_the_port_as_it_was() {
     let code = r#"

@@ -13,7 +13,7 @@ use rustix::fs::{AtFlags, CWD, FileType, OFlags, StatxFlags, makedev, statx};
 use crate::copies;
 use crate::port::poll;
 use crate::traced::proc::{info_of, members_of_epoll, own_pid};
-use crate::traced::sys::Tid;
+use crate::traced::sys::{Tid, terminal_of};
 
 /// The descriptors that a process has used, until it closes them; `None` for one that cannot be known.
 pub(crate) type Files = Rc<RefCell<BTreeMap<i32, Option<Rc<Descriptor>>>>>;
@@ -22,6 +22,8 @@ pub(crate) struct Descriptor {
     /// Our own descriptor of the same file.
     pub(crate) file: OwnedFd,
     pub(crate) status: Status,
+    /// It has been opened as `/dev/tty`.
+    pub(crate) is_tty: bool,
     /// Peer of it that was found to be of the run.
     pub(crate) known_peer: Cell<Option<SocketAddr>>,
     /// Process of the run, and number there, that was found to hold its other end.
@@ -31,7 +33,7 @@ pub(crate) struct Descriptor {
 /// What a file is.
 pub(crate) struct Status {
     kind: FileType,
-    /// The device that it is, if it is one.
+    /// The device that it is, if it is one; of an open `/dev/tty`, the terminal to which that leads.
     pub(crate) device: u64,
     /// Its file system, and its number there.
     pub(crate) inode: (u64, u64),
@@ -56,6 +58,11 @@ impl Status {
     pub(crate) fn of_process(process: Tid, fd: i32) -> Option<Self> {
         Self::of(CWD, &format!("/proc/{process}/fd/{fd}"))
     }
+
+    /// Returns whether it is `/dev/tty`, as far as it is not known where that leads.
+    pub(crate) fn is_tty(&self) -> bool {
+        self.kind.is_char_device() && self.device == makedev(5, 0)
+    }
 }
 
 /// What a poll finds of files.
@@ -69,10 +76,15 @@ pub(crate) const QUEUES: rustix::fs::FsWord = 0x1980_0202;
 
 impl Descriptor {
     pub(crate) fn new(file: OwnedFd) -> Option<Self> {
-        let status = Status::of(&file, "")?;
+        let mut status = Status::of(&file, "")?;
+        let is_tty = status.is_tty();
+        if is_tty {
+            status.device = terminal_of(&file).unwrap_or(status.device);
+        }
         Some(Self {
             file,
             status,
+            is_tty,
             known_peer: Cell::new(None),
             known_holder: Cell::new(None),
         })

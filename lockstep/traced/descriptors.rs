@@ -51,9 +51,14 @@ impl Tracer<'_> {
             tables().for_each(|files| files.borrow_mut().retain(|_, one| is_awaited(one)));
         }
         let descriptor = file.and_then(Descriptor::new).map(Rc::new);
-        let is_device = |one: &Rc<Descriptor>| one.kind().is_char_device();
-        if descriptor.as_ref().is_some_and(is_device) {
+        if let Some(one) = descriptor
+            .as_ref()
+            .filter(|one| one.kind().is_char_device())
+        {
             self.descriptors.ports_used.set(true);
+            if let Some(index) = self.port_of(one).filter(|_| one.is_tty) {
+                self.ports[index].by_tty.set(true);
+            }
         }
         let files = &self.tree.processes.get(&process)?.files;
         files.borrow_mut().insert(fd, descriptor.clone());
@@ -171,13 +176,17 @@ impl Tracer<'_> {
         }
     }
 
-    /// Returns whether a process of the run has a port open.
-    pub(crate) fn holds_port(&self, index: usize) -> bool {
+    /// Returns whether a process of the run has a port open, in any way or through `/dev/tty`.
+    pub(crate) fn holds_port(&self, index: usize, by_tty: bool) -> bool {
         let port = &self.ports[index];
-        self.tree.processes.keys().any(|pid| {
-            descriptors_of(*pid).any(|fd| {
-                Status::of_process(*pid, fd).is_some_and(|one| port.is_device(one.device))
-            })
-        })
+        let leads_there = |pid, fd| {
+            let status = Status::of_process(pid, fd)?;
+            if status.is_tty() {
+                return Some(port.is_device(self.descriptor(pid, fd)?.status.device));
+            }
+            Some(!by_tty && port.is_device(status.device))
+        };
+        let mut processes = self.tree.processes.keys();
+        processes.any(|pid| descriptors_of(*pid).any(|fd| leads_there(*pid, fd) == Some(true)))
     }
 }

@@ -3,6 +3,7 @@
 
 use std::time::{Duration, Instant};
 
+use crate::port::Port;
 use crate::traced::outside::{self, Outside};
 use crate::traced::syscall::Halt;
 use crate::traced::tracer::Tracer;
@@ -53,7 +54,7 @@ impl Tracer<'_> {
                 self.now = self.now.max(to);
                 self.schedule.happened += 1;
                 self.schedule.advanced = self.schedule.happened;
-                self.ports.iter_mut().for_each(|port| port.set_full(false));
+                self.ports.iter_mut().for_each(Port::make_room);
                 self.fire_timers()?;
             }
             step => {

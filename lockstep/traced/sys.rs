@@ -14,9 +14,11 @@ pub(crate) mod counter;
 
 use std::io;
 use std::mem::MaybeUninit;
+use std::os::fd::AsFd;
 use std::ptr;
 use std::time::Duration;
 
+use rustix::ioctl::{Getter, ioctl};
 use rustix::process::{self, Pid, Signal, WaitOptions};
 use rustix::time::{ClockId, clock_gettime};
 
@@ -29,6 +31,14 @@ fn check(result: libc::c_long) -> io::Result<libc::c_long> {
     } else {
         Ok(result)
     }
+}
+
+/// The device of the terminal to which a descriptor leads, also through `/dev/tty`.
+pub(crate) fn terminal_of(file: impl AsFd) -> Option<u64> {
+    const TIOCGDEV: rustix::ioctl::Opcode = 0x8004_5432;
+    // SAFETY: TIOCGDEV writes one unsigned int through its argument, which lives for the call.
+    let device = unsafe { ioctl(file, Getter::<TIOCGDEV, libc::c_uint>::new()) };
+    device.ok().map(u64::from)
 }
 
 /// A request of ptrace, as the C library declares it.

@@ -112,7 +112,7 @@ impl Tracer<'_> {
             return Ok(0);
         }
         let sent = self.world.sent(index, line, self.now, bytes)?;
-        self.ports[index].set_full(sent < bytes.len());
+        self.ports[index].has_sent(sent == bytes.len());
         Ok(sent)
     }
 
@@ -133,8 +133,7 @@ impl Tracer<'_> {
         self.pass(entry.tid, [fd])?;
         let descriptor = self.descriptor(entry.process, fd).ok_or(Halt::Make)?;
         if let Some(index) = self.port_of(&descriptor) {
-            self.ports[index].needs_sign = true;
-            self.ports[index].top_up()?;
+            self.ports[index].need_signs()?;
         }
         Ok(Handling::Make)
     }
@@ -179,10 +178,8 @@ impl Tracer<'_> {
                 port.flush_input();
                 return Ok(Handling::Make);
             }
-            libc::TCXONC => {
-                port.flows = true;
-                return Ok(Handling::Make);
-            }
+            libc::TCXONC if port.flow(argument) => return Ok(Handling::Make),
+            libc::TCXONC => {}
             libc::TCFLSH => {
                 if matches!(argument, 0 | 2) {
                     port.flush_input();
@@ -228,23 +225,26 @@ impl Tracer<'_> {
             return Ok(());
         }
         let _copies = copies::none();
-        if !Port::any_changes(self.ports) {
+        let by_tty = self.ports.iter().any(|port| port.by_tty.get());
+        if !by_tty && !Port::any_changes(self.ports) {
             return Ok(());
         }
         for index in 0..self.ports.len() {
             let changes = self.ports[index].changes();
-            if changes.is_empty() {
+            if changes.is_empty() && !self.ports[index].by_tty.get() {
                 continue;
             }
+            let by_tty = self.holds_port(index, true);
+            self.ports[index].by_tty.set(by_tty);
             for is_open in changes {
                 if is_open {
                     self.port_opened(index)?;
-                } else {
+                } else if !by_tty || self.ports[index].opened > 1 {
                     self.port_closed(index)?;
                 }
             }
-            // The system tells of two opens in a row as of one.
-            let held = self.holds_port(index);
+            // The system tells of two opens in a row as of one, and of none of `/dev/tty`.
+            let held = by_tty || self.holds_port(index, false);
             let opened = self.ports[index].opened;
             if held && opened == 0 {
                 self.port_opened(index)?;
