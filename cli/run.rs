@@ -57,6 +57,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     // Reading has nothing to end in order.
     let exit_on_signals = ExitOnSignals::with(Exit::System as i32).map_err(Failure::system)?;
     let mut loaded = load_all(&given, &find(&args.files, args.filter.as_deref())?)?;
+    let stop = stop_by_signals()?;
     drop(exit_on_signals);
     if !args.tag.is_empty() {
         loaded.retain(|one| {
@@ -125,7 +126,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         scratch,
     };
     adopt_orphans().map_err(Failure::system)?;
-    let wrong = pool::play_all(args, &cases, &mut audience);
+    let wrong = pool::play_all(args, &cases, &mut audience, &stop);
     audience.progress.finish_and_clear();
     let wrong = wrong?;
     let exit = audience.counts.finish();

@@ -11,6 +11,7 @@ mod harness;
 use std::fs;
 use std::io::{Read as _, Write as _};
 use std::os::unix::fs::symlink;
+use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, UNIX_EPOCH};
@@ -334,6 +335,23 @@ fn signals_end_a_shard_and_keep_what_is_known() {
     let (exit, printed, _) = campaign.merge("out", &["--partial"]);
     assert_eq!(exit, 3);
     assert!(printed.contains(" missing"), "{printed}");
+}
+
+/// While it reads, prepares, and between two cases.
+#[test]
+fn a_signal_ends_a_run_at_any_time() {
+    let campaign = Campaign::new();
+    let words = ["run", "--repeat", "100000", "-j", "1", "files/rest.toml"];
+    for step in 0..20 {
+        let mut command = campaign.command(&words);
+        let mut child = command.stdout(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(10 * step));
+        kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+        let ended = child.wait().unwrap();
+        // Before it has begun, the system ends it.
+        let is_early = ended.signal() == Some(Signal::TERM.as_raw());
+        assert!(is_early || ended.code() == Some(3), "{step}: {ended}");
+    }
 }
 
 #[test]

@@ -85,19 +85,25 @@ pub(crate) fn play_all(
     args: &RunArgs,
     cases: &[Case<'_>],
     audience: &mut Audience<'_>,
+    stop: &AtomicBool,
 ) -> Result<Option<Failure>, Failure> {
     let page = audience.page;
-    let stop = stop_by_signals()?;
-    let (enough, printed) = (AtomicBool::new(false), AtomicUsize::new(0));
+    let (enough, is_aborted) = (AtomicBool::new(false), AtomicBool::new(false));
+    let printed = AtomicUsize::new(0);
     let work = |index: usize| {
-        let is_over = || enough.load(Ordering::Relaxed) || stop.load(Ordering::Relaxed);
-        while index >= printed.load(Ordering::Relaxed) + MOST_AHEAD && !is_over() {
+        // After a signal one is aborted at least, so that the run is not taken for complete.
+        let is_over = || enough.load(Ordering::Relaxed) || is_aborted.load(Ordering::Relaxed);
+        let is_stopped = || is_over() || stop.load(Ordering::Relaxed);
+        while index >= printed.load(Ordering::Relaxed) + MOST_AHEAD && !is_stopped() {
             std::thread::sleep(GLANCE);
         }
         if is_over() {
             return None;
         }
-        let result = play(&cases[index], page, &stop);
+        let result = play(&cases[index], page, stop);
+        if matches!(&result, Ok(result) if result.verdict == Verdict::Aborted) {
+            is_aborted.store(true, Ordering::Relaxed);
+        }
         let is_usage = matches!(&result, Err(failure) if failure.exit == Exit::Usage);
         let fine = |result: &CaseResult| result.verdict.exit() == Exit::Clean;
         if is_usage || args.fail_fast && !result.as_ref().is_ok_and(fine) {
