@@ -189,6 +189,31 @@ os.write(fd, b"two\n"); print(os.read(fd, 10), at())
     );
 }
 
+#[test]
+fn a_read_that_waits_fails_when_the_cable_is_pulled() {
+    let code = r#"
+import os, termios, time
+start = time.monotonic()
+fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
+settings = termios.tcgetattr(fd); settings[6][termios.VMIN], settings[6][termios.VTIME] = 0, 7
+termios.tcsetattr(fd, termios.TCSANOW, settings)
+try:
+    while not os.read(fd, 10): pass
+except OSError as error: print(error.errno, round(time.monotonic() - start, 3), os.read(fd, 10))
+"#;
+    let stage = Stage {
+        device: Device {
+            cable: Some((3_000_000_000, 4_900_000_000)),
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let Some(played) = python_on(stage, code) else {
+        return;
+    };
+    assert_eq!(played.output, "5 3.0 b''\n", "{:?}", played.ending);
+}
+
 /// A process that another thread starts has it open, too, until it has become another program.
 #[test]
 fn a_client_sees_a_pulled_cable_at_its_time_although_the_system_is_late_with_it() {

@@ -92,8 +92,8 @@ impl Tracer<'_> {
                     }
                     Polled::Answer(self.receive(tid, *port, into)?)
                 }
-                // The system says that it is gone.
-                _ => Polled::Resume(Resume::Go(0)),
+                // As the terminal has it for reads that wait; those that follow find the end.
+                _ => Polled::Answer(-i64::from(libc::EIO)),
             },
             Wait::PortWrite {
                 port,
