@@ -437,10 +437,12 @@ int main(void) {
   n = vmsplice(fd, &v, 1, 0); printf("%d %d ", n, errno == EBADF);
   read(p[0], b, 1); if (!fork()) { sleep(2); write(p[1], "x", 1); _exit(0); }
   n = tee(p[0], q[1], 1, 0); printf("%d\n", n);
+  n = read(open(getenv("PORT"), O_WRONLY | O_NOCTTY), b, 1); printf("%d %d", n, errno == EBADF);
+  n = write(open(getenv("PORT"), O_RDONLY | O_NOCTTY), b, 1); printf(" %d %d\n", n, errno == EBADF);
 }
 "#;
     let Some(played) = c_played(code) else { return };
-    let expected = "4 4 ABC\n1 1 1\n-1 1 -1 1 -1 1 -1 1 1\n";
+    let expected = "4 4 ABC\n1 1 1\n-1 1 -1 1 -1 1 -1 1 1\n-1 1 -1 1\n";
     assert_eq!(played.output, expected, "{:?}", played.ending);
     assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
     assert_eq!(played.trace[1], "0 sent \"abc\\n\" at 115200 baud");

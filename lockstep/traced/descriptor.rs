@@ -24,6 +24,8 @@ pub(crate) struct Descriptor {
     pub(crate) status: Status,
     /// It has been opened as `/dev/tty`.
     pub(crate) is_tty: bool,
+    /// What it has been opened for.
+    mode: OFlags,
     /// Peer of it that was found to be of the run.
     pub(crate) known_peer: Cell<Option<SocketAddr>>,
     /// Process of the run, and number there, that was found to hold its other end.
@@ -78,6 +80,7 @@ impl Descriptor {
     pub(crate) fn new(file: OwnedFd) -> Option<Self> {
         let mut status = Status::of(&file, "")?;
         let is_tty = status.is_tty();
+        let mode = rustix::fs::fcntl_getfl(&file).ok()? & OFlags::RWMODE;
         if is_tty {
             status.device = terminal_of(&file).unwrap_or(status.device);
         }
@@ -85,6 +88,7 @@ impl Descriptor {
             file,
             status,
             is_tty,
+            mode,
             known_peer: Cell::new(None),
             known_holder: Cell::new(None),
         })
@@ -131,9 +135,9 @@ impl Descriptor {
         rustix::fs::fcntl_getfl(&self.file).is_ok_and(|flags| flags.contains(OFlags::NONBLOCK))
     }
 
-    pub(crate) fn is_for_writing(&self) -> bool {
-        rustix::fs::fcntl_getfl(&self.file)
-            .is_ok_and(|flags| flags.intersects(OFlags::WRONLY | OFlags::RDWR))
+    /// Returns whether it has been opened for reading (`RDONLY`), or for writing (`WRONLY`).
+    pub(crate) fn is_for(&self, mode: OFlags) -> bool {
+        [mode, OFlags::RDWR].contains(&self.mode)
     }
 
     /// Returns whether one of these is said of it, or an error.

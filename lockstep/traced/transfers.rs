@@ -3,6 +3,7 @@
 use std::rc::Rc;
 
 use rustix::event::PollFlags;
+use rustix::fs::OFlags;
 use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 
 use crate::traced::arch::Syscall;
@@ -128,10 +129,10 @@ impl Tracer<'_> {
         descriptor: &Rc<Descriptor>,
     ) -> Result<Handling, Halt> {
         match entry.call {
-            Syscall::Read | Syscall::Readv => {
+            Syscall::Read | Syscall::Readv if descriptor.is_for(OFlags::RDONLY) => {
                 self.read_port(entry, index, descriptor, parts(entry)?)
             }
-            Syscall::Write | Syscall::Writev => {
+            Syscall::Write | Syscall::Writev if descriptor.is_for(OFlags::WRONLY) => {
                 self.write_port(entry, index, descriptor, &parts(entry)?)
             }
             // Programs fall back to reading and writing.
@@ -165,7 +166,7 @@ impl Tracer<'_> {
             Syscall::Sendmsg => (PollFlags::OUT, a[2], NO_WAIT),
             Syscall::Recvfrom | Syscall::Recvmmsg => (PollFlags::IN, a[3], NO_WAIT),
             Syscall::Recvmsg => (PollFlags::IN, a[2], NO_WAIT),
-            Syscall::Vmsplice if descriptor.is_for_writing() => {
+            Syscall::Vmsplice if descriptor.is_for(OFlags::WRONLY) => {
                 (PollFlags::OUT, a[3], NO_SPLICE_WAIT)
             }
             Syscall::Vmsplice => (PollFlags::IN, a[3], NO_SPLICE_WAIT),
