@@ -241,17 +241,20 @@ impl Port {
 
     /// The world has taken what the client wrote, or as much as there was room for. An epoll finds an edge.
     pub(crate) fn has_sent(&mut self, all: bool) {
-        if !std::mem::replace(&mut self.is_full, true) {
+        if !std::mem::replace(&mut self.is_full, !all) {
             self.sign_room(Action::OOff);
         }
         if all {
-            self.make_room();
+            self.sign_room(Action::OOn);
+        } else if let Some(pair) = self.pair.as_ref().filter(|_| self.needs_sign) {
+            pair.want_room();
         }
     }
 
     /// The world may have room again.
     pub(crate) fn make_room(&mut self) {
         if std::mem::take(&mut self.is_full) && !self.is_stopped {
+            self.has_signalled |= self.needs_sign;
             self.sign_room(Action::OOn);
         }
     }

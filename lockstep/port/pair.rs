@@ -154,6 +154,12 @@ impl Pair {
         let _ = rustix::termios::tcflow(&self.slave, action);
     }
 
+    /// Makes the terminal, which is stopped, send a signal (`O_ASYNC`) when it is started.
+    pub(crate) fn want_room(&self) {
+        // It takes nothing, and remembers who has tried.
+        let _ = rustix::io::write(&self.slave, &[0]);
+    }
+
     /// Takes back what the client has not read. It cannot fail on a terminal that is there.
     pub(crate) fn flush(&self) {
         let _ = rustix::termios::tcflush(&self.slave, QueueSelector::IFlush);

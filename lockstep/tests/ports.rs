@@ -564,6 +564,9 @@ int main(void) {
   n = E(write(fd, "abcd", 4)); printf("stopped %d %d", n, found(0)); tcflow(fd, TCOOFF); usleep(1000);
   printf(" %d %d %d", poll(&p, 1, 0), found(0), E(write(fd, "x", 1))); tcflow(fd, TCOON); printf(" %d %d\n", poll(&p, 1, 0), found(0));
   n = E(write(fd, "abcd", 4)); tcflow(fd, TCOOFF); tcflow(fd, TCOON); printf("started %d %d", n, found(0)); printf(" %d\n", found(1000));
+  signal(SIGIO, hit); fcntl(fd, F_SETOWN, getpid()); fcntl(fd, F_SETFL, O_NONBLOCK | O_ASYNC);
+  n = E(write(fd, "x", 1)); usleep(1000); printf("signal %d %d", n, caught); n = E(write(fd, "abcd", 4)); printf(" %d %d", n, caught);
+  usleep(1000); printf(" %d\n", caught == SIGIO);
 }
 "#;
     let Some((_folder, binary)) = c(&format!("{CLIENT}{code}"), &[]) else {
@@ -578,7 +581,9 @@ int main(void) {
     };
     let played = play_on(stage, &[text(&binary)]).expect("it can be run");
     assert_eq!(
-        played.output, "added 2 0 1\nwritten 1 1 0\nstopped 2 0 0 0 -11 1 1\nstarted 2 0 1\n",
+        played.output,
+        "added 2 0 1\nwritten 1 1 0\nstopped 2 0 0 0 -11 1 1\nstarted 2 0 1\n\
+                        signal 1 0 2 0 1\n",
         "{:?}",
         played.ending
     );
