@@ -339,7 +339,6 @@ pub fn prints(code: &str, expected: &str) {
     assert_eq!(played.output, expected, "{:?}", played.ending);
     assert_eq!(played.ending.end, End::Exited(0));
     assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
-    assert!(played.took.as_secs() < 20, "{:?}", played.took);
 }
 
 /// Plays a program in C likewise.
@@ -351,7 +350,6 @@ pub fn c_prints(code: &str, expected: &str) {
     assert_eq!(played.output, expected, "{:?}", played.ending);
     assert_eq!(played.ending.end, End::Exited(0));
     assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
-    assert!(played.took.as_secs() < 20, "{:?}", played.took);
 }
 
 pub fn text(path: &Path) -> &str {
