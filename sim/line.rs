@@ -58,6 +58,8 @@ pub struct SerialLine {
     attached: bool,
     /// Settings of this client that were reported.
     reported: Vec<Discriminant<LineEvent>>,
+    /// A frame of the device has come to this client at another speed.
+    heard_garbled: bool,
 }
 
 impl SerialLine {
@@ -76,6 +78,7 @@ impl SerialLine {
             inbox: Inbox::default(),
             attached: false,
             reported: Vec::new(),
+            heard_garbled: false,
         }
     }
 
@@ -83,6 +86,7 @@ impl SerialLine {
     pub fn attach(&mut self, now: SimTime) {
         self.catch_up(now);
         self.attached = true;
+        self.heard_garbled = false;
         self.reported.retain(|reported| *reported == mismatch());
     }
 
@@ -129,6 +133,7 @@ impl SerialLine {
             return None;
         }
         // Every new speed is a new story, so a further mismatch is reported again.
+        self.heard_garbled = false;
         let reported = self.reported.len();
         self.reported.retain(|reported| *reported != mismatch());
         if baud == 0 {
@@ -183,7 +188,23 @@ impl SerialLine {
         } else {
             self.to_client.send(now, now, frame, self.to_client_ends());
         }
-        (bytes > 0 && self.attached).then_some(LineEvent::ReplyDropped { bytes })
+        let dropped = (bytes > 0 && self.attached).then_some(LineEvent::ReplyDropped { bytes });
+        dropped.or_else(|| self.mismatch_of_listener())
+    }
+
+    /// A client that only listens is at a wrong speed. The first frame says nothing of that: the client may
+    /// just have opened its port, and set it afterwards.
+    fn mismatch_of_listener(&mut self) -> Option<LineEvent> {
+        let (client, device) = (self.client.baud, self.device_baud);
+        let is_wrong = self.attached && client != 0 && !matches(client, device);
+        if !is_wrong || self.reported.contains(&mismatch()) {
+            return None;
+        }
+        if !std::mem::replace(&mut self.heard_garbled, true) {
+            return None;
+        }
+        self.reported.push(mismatch());
+        Some(LineEvent::BaudMismatch { client, device })
     }
 
     /// The device's end runs at a wrong speed by a fault, which is none of the client's making; or

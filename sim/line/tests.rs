@@ -130,6 +130,25 @@ fn a_mismatch_garbles_both_ways() {
 }
 
 #[test]
+fn a_mismatch_of_a_client_that_only_listens_is_reported_with_the_second_frame() {
+    let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
+    let frame = |line: &mut SerialLine| line.device_sends(SimTime::ZERO, &[0x00, 0x27]);
+    line.attach(SimTime::ZERO);
+    line.set_client_line(SimTime::ZERO, ClientLine::at(9_600));
+    assert_eq!(frame(&mut line), None);
+    let (client, device) = (9_600, 115_200);
+    let wrong = LineEvent::BaudMismatch { client, device };
+    assert_eq!(frame(&mut line), Some(wrong));
+    assert_eq!(frame(&mut line), None);
+    assert_eq!(line.client_sends(SimTime::ZERO, &[0]), []);
+    // One that sets its speed in time has done nothing wrong.
+    line.set_client_line(SimTime::ZERO, ClientLine::at(19_200));
+    assert_eq!(frame(&mut line), None);
+    line.set_client_line(SimTime::ZERO, ClientLine::at(115_200));
+    assert_eq!([frame(&mut line), frame(&mut line)], [None, None]);
+}
+
+#[test]
 fn the_pieces_in_which_a_burst_is_handed_over_change_nothing() {
     let bytes: Vec<u8> = (0..=255).map(|byte: u8| byte.wrapping_mul(37)).collect();
     for baud in [4_800, 57_600, 110_000, 230_400, 921_600] {
