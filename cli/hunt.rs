@@ -21,7 +21,7 @@ use rigsim_core::effect::catalogue;
 use rigsim_core::noise::Noise;
 use rigsim_settings::nearest;
 
-use crate::args::{GivenArgs, HuntArgs, RunArgs, StageArg, TimeArg, again};
+use crate::args::{GivenArgs, HuntArgs, RunArgs, StageArg, again};
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::scenario_files::{Given, find, load_all};
@@ -33,11 +33,6 @@ use space::{Frame, add_rules};
 
 /// The `hunt` subcommand.
 pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
-    if args.time == TimeArg::Real {
-        return Err(Failure::usage(anyhow!(
-            "a hunt plays the same run again and again, which real time never is; leave --time real out"
-        )));
-    }
     let known: Vec<&str> = catalogue(devices).iter().map(|info| info.id).collect();
     if let Some(unknown) = args.faults.iter().find(|id| !known.contains(&id.as_str())) {
         let near = nearest(unknown, known);

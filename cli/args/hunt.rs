@@ -7,7 +7,7 @@ use clap::builder::NonEmptyStringValueParser;
 use clap::{ArgAction, Args, ValueEnum, value_parser};
 use serde::Serialize;
 
-use super::{SettingsArgs, TimeArg};
+use super::SettingsArgs;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -58,7 +58,7 @@ pub(crate) struct HuntArgs {
     /// Further runs to make one finding smaller.
     #[arg(long, value_name = "N", default_value = "300", value_parser = value_parser!(u32).range(1..=100_000))]
     pub(crate) shrink_runs: u32,
-    /// Most faults at once.
+    /// Maximum number of faults at once.
     #[arg(long, value_name = "N", default_value = "2", value_parser = value_parser!(u32).range(1..=4))]
     pub(crate) max_faults: u32,
     /// Try only these kinds of faults and actions.
@@ -76,20 +76,17 @@ pub(crate) struct HuntArgs {
     /// Number of runs at a time; the result does not depend on it [default: one for each core].
     #[arg(short = 'j', long = "jobs", value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) threads: Option<u32>,
-    /// A client that is trusted, as a command of the shell: what it breaks as well is unavoidable. It is
-    /// played first, and has to pass the job without faults.
+    /// A client that you trust, as a command of the shell: a rule that it breaks, too, is no bug of yours.
+    /// It is played first, and has to pass the job without faults.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) reference: Option<String>,
-    /// Write findings, `hunt.json` and the journal into this folder. A hunt that was aborted goes on
-    /// where it was.
+    /// Write findings, `hunt.json` and the journal into this folder. The same command resumes a hunt
+    /// that was aborted.
     #[arg(long, value_name = "DIR", default_value = "hunt")]
     pub(crate) output: PathBuf,
     /// Write an HTML page with a map of what was tried.
     #[arg(long, value_name = "PATH")]
     pub(crate) report: Option<PathBuf>,
-    /// The kind of time that the client sees; a search has lockstep only.
-    #[arg(long, value_enum, default_value_t = TimeArg::Lockstep)]
-    pub(crate) time: TimeArg,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
 }

@@ -336,7 +336,7 @@ impl<'a> Player<'a> {
         let why = why.unwrap_or_default();
         let folder = visible::name(&self.folder);
         Failure::system(match self.journal {
-            Some(_) => anyhow!("{why}; the journal in {folder} lets the same command go on"),
+            Some(_) => anyhow!("{why}; the same command resumes it from {folder}"),
             None => anyhow!(why),
         })
     }
