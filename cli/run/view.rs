@@ -106,7 +106,7 @@ impl<'a> View<'a> {
             view.add_notes(
                 "missing",
                 failed(&client.missing).map(|calls| {
-                    format!("{calls}, as on an older system (ENOSYS); most libraries do without")
+                    format!("{calls} fails in lockstep, as on an older system (ENOSYS)")
                 }),
             );
             let left = failed(&client.left);
