@@ -96,7 +96,7 @@ Example:
   sim replay traces/scenarios-r150-faults-cable-pulled.trace.jsonl
       Prints `the devices did the same to the last byte`, or the first difference: exit code 1.
   sim replay traces/my.trace.jsonl --until \"12.3 s\"
-      Stop there, paused, with ports and the page. `sim ctl advance 50ms` and `sim ctl resume` go on.";
+      Stop there, paused, with ports and the page. `sim ctl advance 50ms` and `sim ctl resume` continue.";
 
 const MCP_EXAMPLE: &str = "\
 Example:
@@ -142,8 +142,8 @@ Examples:
 const SCHEMA_EXAMPLES: &str = "\
 Example:
   sim schema scenario > scenario.schema.json
-      Put `#:schema scenario.schema.json` first in a scenario file. Editors with Taplo or Even Better
-      TOML then complete and check the file.";
+      Put `#:schema scenario.schema.json` first in a scenario file. Editors with Taplo or Even
+      Better TOML then complete and check the file.";
 
 /// A client that drives at 1 m/s and goes by its own clock is a quarter of a metre off after that.
 pub(crate) const MAX_STALL: &str = "250ms";
@@ -382,8 +382,8 @@ pub(crate) enum Command {
 pub(crate) struct ReplayArgs {
     /// A trace of `sim run --output` or `sim --trace`.
     pub(crate) trace: PathBuf,
-    /// Stop at this simulated time, paused. From there the run goes on live, in real time, by control and
-    /// with any client that opens a port then.
+    /// Stop at this simulated time, paused. From there the run continues live, in real time, by control
+    /// and with any client that opens a port then.
     #[arg(long, value_name = "TIME")]
     pub(crate) until: Option<Span>,
     /// With --until: the address of control and of the page, as for `sim --control`.

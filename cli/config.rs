@@ -73,7 +73,7 @@ pub(crate) fn read(path: &Path, what: &str) -> Result<String, Failure> {
 }
 
 fn no_text() -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidData, "it is no UTF-8 text")
+    io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text")
 }
 
 /// Lists what differs from the defaults, as `key = value`.

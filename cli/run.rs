@@ -347,7 +347,7 @@ fn prepare(args: &RunArgs) -> Result<(), Failure> {
         return Ok(());
     };
     if output.exists() && !output.is_dir() {
-        let why = anyhow!("--output {} is no folder", visible::name(output));
+        let why = anyhow!("--output {} is not a folder", visible::name(output));
         return Err(Failure::usage(why));
     }
     fs::create_dir_all(output)

@@ -205,7 +205,10 @@ pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBu
     if found.is_empty() {
         return Err(Failure::usage(match filter {
             Some(filter) => anyhow!("no scenario file's path contains `{filter}`: nothing to run"),
-            None => anyhow!("no scenario file is there: nothing to run"),
+            None => {
+                let places: Vec<String> = paths.iter().map(visible::name).collect();
+                anyhow!("no scenario file is in {}", places.join(" or "))
+            }
         }));
     }
     Ok(found)
@@ -287,13 +290,20 @@ pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loade
     let mut loaded = Vec::new();
     let mut used = BTreeSet::new();
     let mut others = Vec::new();
+    let mut others_ending = Vec::new();
     for path in files {
         let load = || load_cases(given, path, &mut used, &mut others);
         match catch_unwind(AssertUnwindSafe(load)) {
             Ok(Ok(cases)) => loaded.extend(cases),
             Ok(Err(failure)) => {
                 let lines = format!("{:#}", failure.error);
-                errors.extend(lines.lines().map(str::to_owned));
+                let mut lines = lines.lines().map(str::to_owned);
+                if is_scenario_file(path) {
+                    errors.extend(lines);
+                } else {
+                    errors.extend(lines.next());
+                    others_ending.push(visible::name(path));
+                }
             }
             Err(panic) => loaded.push(Loaded::broken(path, &given.base, words_of_panic(&*panic))),
         }
@@ -308,18 +318,24 @@ pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loade
             "--param {name}: no file has a parameter of this name"
         ));
     }
+    if !others_ending.is_empty() && others_ending.len() < files.len() {
+        errors.push(format!(
+            "names of scenario files end in .toml; `--` stands before a client: `sim run FILE -- {}`",
+            others_ending.join(" ")
+        ));
+    }
     let left_out = match others.as_slice() {
         [] => None,
         [one] => Some(format!(
-            "{one} has its own devices, so it is no fault file for --job"
+            "{one} has its own devices, so it is not a fault file for --job"
         )),
         [first, rest @ ..] => Some(format!(
-            "{first} and {} more have their own devices, so they are no fault files for --job",
+            "{first} and {} more have their own devices, so they are not fault files for --job",
             rest.len()
         )),
     };
     if errors.is_empty() && loaded.is_empty() {
-        errors.push(left_out.unwrap_or_else(|| "no scenario file is there: nothing to run".into()));
+        errors.push(left_out.unwrap_or_else(|| "no scenario file is among these files".into()));
     } else if let Some(left_out) = left_out {
         complain(&format!("{left_out}: left out"));
     }

@@ -136,7 +136,7 @@ impl Answer {
 
 /// Not an address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("\"{0}\" is no address and port; as in 127.0.0.1:0, where 0 is any free port")]
+#[error("\"{0}\" is not an address with a port; write it as 127.0.0.1:0, where 0 is any free port")]
 pub struct AddressError(String);
 
 /// Reads an address and a port to listen on; port 0 is any that is free.

@@ -82,7 +82,9 @@ pub enum PortErrorKind {
     #[error("another program listens there; choose another port")]
     AddressInUse,
     /// The address belongs to another machine.
-    #[error("it is no address of this machine; 127.0.0.1 always is, and 0.0.0.0 stands for all")]
+    #[error(
+        "it is not an address of this machine; 127.0.0.1 always is, and 0.0.0.0 stands for all"
+    )]
     ForeignAddress,
     /// Any other refusal of the system.
     #[error("{call} failed: {reason}")]

@@ -194,7 +194,7 @@ impl Place {
         }
         let kind = self.kind(&self.name).ok().flatten();
         match kind.map(|(kind, _)| kind) {
-            Some(FileType::RegularFile) => "a regular file that no earlier run has left",
+            Some(FileType::RegularFile) => "a regular file that `sim` did not create",
             Some(FileType::Directory) => "a directory",
             Some(FileType::Socket) => "a socket",
             Some(FileType::Fifo) => "a named pipe",

@@ -153,9 +153,12 @@ impl<'t> Problems<'t> {
                 (Origin::Flag(flag.clone()), at, used)
             }
         };
+        // A key that the file itself lacks is in no other.
+        let is_of_file = matches!(kind, FileErrorKind::Form(Wrong::MissingKey(_)))
+            && self.sources.begins_file(key_at);
         FileError {
             place: Some(place),
-            key: self.sources.key_at(key_at),
+            key: self.sources.key_at(key_at).filter(|_| !is_of_file),
             kind,
             used,
         }

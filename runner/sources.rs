@@ -32,6 +32,11 @@ impl<'t> Sources<'t> {
         source.place(at)
     }
 
+    /// Returns whether a file begins there.
+    pub(crate) fn begins_file(&self, at: usize) -> bool {
+        self.part(at).1 == 0
+    }
+
     /// The key there.
     pub(crate) fn key_at(&self, at: usize) -> Option<String> {
         let (source, at) = self.part(at);

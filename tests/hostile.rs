@@ -88,7 +88,7 @@ fn the_time_allowed_and_signals_hold_in_files_that_have_something_every_nanoseco
             // In lockstep the time of the processor counts, with real time behind it.
             let whys = ["1s of real time", "1s of processor time"];
             let is_why = |why: &&str| ended.out.contains(why);
-            assert!(ended.out.contains("still going on after"), "{}", ended.out);
+            assert!(ended.out.contains("still running after"), "{}", ended.out);
             assert!(whys.iter().any(is_why), "{}", ended.out);
         }
         let sim = start(folder, &["run", "--output", "out", file]);
@@ -116,7 +116,7 @@ fn a_report_takes_no_longer_than_its_scenario_may() {
         let ended = start(folder, &args).wait();
         assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
         let page = fs::read_to_string(folder.join("r.html")).unwrap();
-        assert!(page.contains("still going on after the 1s"), "{page}");
+        assert!(page.contains("still running after the 1s"), "{page}");
         page.contains("which took too long")
     });
 }

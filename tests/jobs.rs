@@ -158,7 +158,7 @@ fn a_fault_file_is_played_within_any_job() {
         &folder,
         &["run", "--job", "job.toml", "other.toml"],
         2,
-        &["other.toml has its own devices, so it is no fault file for --job"],
+        &["other.toml has its own devices, so it is not a fault file for --job"],
     );
     // Among fault files, they are named once and left out.
     let among = prints(
@@ -173,7 +173,7 @@ fn a_fault_file_is_played_within_any_job() {
         ],
         0,
         &[
-            "job.toml and 1 more have their own devices, so they are no fault files for --job: left out",
+            "job.toml and 1 more have their own devices, so they are not fault files for --job: left out",
             "well-formed",
         ],
     );
@@ -448,7 +448,7 @@ whenever = "truth.at_rest"
         &["check", "all"],
         2,
         &[
-            "missing key `title`",
+            "wrong.toml:1:1: missing key `title`",
             "wrong.toml:2:15: `good_client`",
             "wrong.toml:3:9: `limit`",
             "r150.nonsense",
@@ -471,6 +471,21 @@ whenever = "truth.at_rest"
         0,
         &["yard.toml looks like a world file", "1 passed"],
     );
+}
+
+#[test]
+fn a_client_without_dashes_is_not_read_as_scenarios() {
+    let client = "import os\nimport sys\n";
+    let folder = folder(&[("job.toml", JOB), ("client.py", client), ("empty/x", "")]);
+    let printed = prints(
+        &folder,
+        &["run", "job.toml", "python3", "client.py"],
+        2,
+        &["`sim run FILE -- python3 client.py`"],
+    );
+    assert_eq!(printed.lines().count(), 3, "{printed}");
+    let nothing = &["no scenario file is in empty"];
+    prints(&folder, &["check", "empty"], 2, nothing);
 }
 
 #[test]

@@ -111,7 +111,7 @@ fn a_client_that_hangs_before_it_opens_a_port_is_ended() {
     let script = "echo $$ >>pids; sleep 600";
     let folder = folder();
     let args = ["run", "--timeout", "1s", "drive.toml"];
-    ends_with(3, &folder, &args, script, "still going on after the 1s");
+    ends_with(3, &folder, &args, script, "still running after the 1s");
     no_process_is_left(&folder);
 }
 
@@ -274,7 +274,7 @@ fn what_is_broken_off_after_the_client_has_left_has_not_passed() {
 fn the_time_allowed_holds_after_the_client_has_left_too() {
     let folder = long();
     let args = ["run", "--timeout", "500ms", "--output", "out", "long.toml"];
-    fails(&folder, &args, OPEN, "still going on after the 500ms");
+    fails(&folder, &args, OPEN, "still running after the 500ms");
     // What was recorded of it can be played again.
     folder
         .sim(&["replay", "out/long.trace.jsonl"])

@@ -49,7 +49,7 @@ pub(crate) struct RunArgs {
     pub(crate) files: Vec<PathBuf>,
     /// The client to test, with its arguments. Its environment has the path of each port, in
     /// SIM_R150_PORT or SIM_MECANUM_PORT, the seed in SIM_SEED, and in SIM_PUBLISH the path of a file
-    /// that takes what it believes.
+    /// for numbers that it publishes.
     #[arg(last = true, value_name = "CLIENT")]
     pub(crate) client: Vec<OsString>,
     /// Number of scenarios to play at a time [default: one for each core, but 1 with a client in real time].

@@ -12,12 +12,12 @@ Examples:
   sim tap /dev/ttyUSB0 --pty /tmp/r150 --trace drive.jsonl -v
       Stand between your client, which opens /tmp/r150, and the vehicle at /dev/ttyUSB0; record and
       print all that passes. Ctrl-C ends it.
-  sim tap /dev/ttyUSB0 /dev/ttyUSB1 --device mecanum --pty /tmp/car --pty /tmp/car-ros --trace drive.jsonl
+  sim tap /dev/ttyUSB0 /dev/ttyUSB1 --device mecanum --pty /tmp/car --pty /tmp/ros --trace car.jsonl
       The same with both links of a mecanum car.
   sim tap --csv capture.csv --trace drive.jsonl
       Read a capture made elsewhere. Each line is `seconds,direction,bytes`, as in
-      `12.345678,client,AA550007C784`; direction is `client` or `vehicle`, with `:1` behind it for the
-      second link.
+      `12.345678,client,AA550007C784`. The direction is `client` or `vehicle`; on the second link it
+      is `client:1` or `vehicle:1`.
   sim tap --pcap capture.pcapng --usb 1.5 --trace drive.jsonl
       Read what Wireshark has captured of the adapter that is device 5 at bus 1.";
 
@@ -95,8 +95,8 @@ pub(crate) struct PosesArgs {
     /// same order.
     #[arg(long, value_name = "FILE")]
     pub(crate) poses: Vec<PathBuf>,
-    /// Time to add to those of the poses, which makes them times of the recording; `auto` for that at which the
-    /// vehicle moves when the model does.
+    /// Time to add to the times of the poses, so that they match the recording. `auto` finds the one at which
+    /// vehicle and model move together.
     #[arg(
         long,
         value_name = "TIME",

@@ -61,7 +61,7 @@ pub(crate) struct CtlArgs {
         global = true
     )]
     url: Option<String>,
-    /// The device, if there are several.
+    /// The device of a step, if there are several.
     // A global argument takes over the default of one with its id above, which `sim --device` is.
     #[arg(id = "ctl_device", long = "device", value_name = "NAME", global = true)]
     device: Option<String>,
@@ -151,7 +151,7 @@ Example:
         #[arg(long, value_name = "TIME", default_value = "5s")]
         within: Span,
     },
-    /// Publish numbers, as a client that says what it believes.
+    /// Publish numbers that a client believes, such as its position.
     #[command(after_help = "\
 Example:
   sim ctl publish x=1.23 y=0.4
@@ -208,6 +208,10 @@ struct Lasts {
 pub(crate) fn run(args: &CtlArgs) -> Result<Exit, Failure> {
     let url = find(args)?;
     let client = Client::new(&url).map_err(Failure::usage)?;
+    if args.device.is_some() && matches!(args.does, Does::Get { .. } | Does::Events { .. }) {
+        let why = "--device is for steps; a name begins with its device, as in r150.truth.x_m";
+        return Err(Failure::usage(anyhow!(why)));
+    }
     match &args.does {
         Does::Fault {
             kind,
@@ -258,7 +262,10 @@ pub(crate) fn run(args: &CtlArgs) -> Result<Exit, Failure> {
             let lines: Vec<String> = lines
                 .map(|step| {
                     let text = |key: &str| step[key].as_str().unwrap_or_default().to_owned();
-                    format!("{:<8} {}", text("state"), visible::line(&text("name")))
+                    let why = Some(text("why")).filter(|why| !why.is_empty());
+                    let why = why.map_or_else(String::new, |why| format!(": {why}"));
+                    let line = format!("{:<8} {}{why}", text("state"), text("name"));
+                    visible::line(&line).into_owned()
                 })
                 .collect();
             print(&lines.join("\n"))
@@ -345,7 +352,7 @@ pub(crate) fn speed(text: &str) -> Result<f64, String> {
     let speed = text.parse().ok();
     speed
         .filter(|speed| (0.01..=100.0).contains(speed))
-        .ok_or_else(|| format!("`{text}` is no such number; allowed: 0.01 to 100, as in 0.5"))
+        .ok_or_else(|| format!("`{text}` is not such a number; allowed: 0.01 to 100, as in 0.5"))
 }
 
 /// JSON, or else a word.

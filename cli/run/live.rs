@@ -96,8 +96,8 @@ pub(crate) const NO_PORT_OPENED: &str = "the client ended without having opened 
 pub(crate) fn no_port_opened(case: &Case<'_>, end: &ClientEnd) -> String {
     let variables = variables(&case.loaded.scenario).join(", ");
     format!(
-        "the client could not be played: it {end} without having opened a port; it finds their paths in \
-         its environment: {variables}"
+        "the client could not be played: it {end} without having opened a port; their paths are in its \
+         environment: {variables}"
     )
 }
 

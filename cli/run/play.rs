@@ -24,13 +24,13 @@ const REAL_TIME_FACTOR: u32 = 10;
 pub(super) fn over_time(case: &Case<'_>, real: bool) -> String {
     let allowed = show_duration(case.allowed);
     let what = match (case.is_lockstep(), real) {
-        (true, false) => format!("the {allowed} of processor time that are"),
+        (true, false) => format!("the {allowed} of processor time that"),
         (true, true) => {
-            format!("{REAL_TIME_FACTOR} times the {allowed} of processor time that are")
+            format!("{REAL_TIME_FACTOR} times the {allowed} of processor time that")
         }
-        (false, _) => format!("the {allowed} of real time that are"),
+        (false, _) => format!("the {allowed} of real time that"),
     };
-    format!("it was still going on after {what} allowed (--timeout)")
+    format!("it was still running after {what} --timeout allows")
 }
 
 /// Plays a scenario with its scripted client, as fast as the machine goes.

@@ -200,7 +200,7 @@ impl Run {
                 }
                 Trigger::After(other) => {
                     let name = &scenario.steps[*other].name;
-                    format!("it never began: \"{name}\" was not done in time")
+                    format!("it never began: \"{name}\" was not done before the end")
                 }
             };
             let delay = match step.delay.max {

@@ -124,7 +124,7 @@ impl ScenarioFiles {
         let mut files = self.files.iter().cloned();
         let first = files.next().unwrap_or_default();
         if self.is_no_fault_file {
-            let why = "has its own devices, so it is no fault file for a job";
+            let why = "has its own devices, so it is not a fault file for a job";
             return Err(FileError::general(format!("{} {why}", first.file)).into());
         }
         let source = ScenarioText {

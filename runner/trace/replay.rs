@@ -133,7 +133,9 @@ impl<'o> Replay<'o> {
     pub fn begin(devices: Devices, line: &str) -> Result<Self, ReplayError> {
         let malformed = |why| ReplayError::Malformed { line: 1, why };
         let record = read(line, 1).map_err(|error| match error {
-            ReplayError::Malformed { why, .. } => malformed(format!("no trace begins so: {why}")),
+            ReplayError::Malformed { why, .. } => {
+                malformed(format!("a trace begins with its header: {why}"))
+            }
             other => other,
         })?;
         let Record::Header(header) = record else {
@@ -491,7 +493,10 @@ fn scenario_of(devices: Devices, header: &Header) -> Result<Scenario, String> {
 fn read(line: &str, number: usize) -> Result<Record, ReplayError> {
     serde_json::from_str(line).map_err(|error| ReplayError::Malformed {
         line: number,
-        why: shorten(error.to_string()),
+        why: match error.is_eof() {
+            true => "it is cut off, as after a run that was killed".to_owned(),
+            false => shorten(error.to_string()),
+        },
     })
 }
 

@@ -217,7 +217,7 @@ codes! {
     FAULT_CLEARED = "fault_cleared", Notice, NoParty;
     /// An action was applied to the vehicle or around it.
     ACTION_APPLIED = "action_applied", Notice, NoParty;
-    /// That was undone.
+    /// An action was reverted.
     ACTION_REVERTED = "action_reverted", Notice, NoParty;
     /// A port was opened.
     CLIENT_ATTACHED = "client_attached", Attached, NoParty;
@@ -227,7 +227,7 @@ codes! {
     TIPPING = "tipping", Damage, NoParty;
     /// The client's speed is not the device's.
     BAUD_MISMATCH = "baud_mismatch", Warning, Client;
-    /// It is again.
+    /// The client's speed is the device's again.
     BAUD_MATCHED = "baud_matched", Notice, NoParty;
     /// The client's port changes what passes.
     LINE_NOT_RAW = "line_not_raw", Warning, Client;

@@ -9,7 +9,7 @@ use crate::scanner::Decoded;
 crate::codes! {
     /// A packet was begun and not finished.
     PARTIAL_PACKET = "partial_packet", Warning, ClientUnlessDisturbed;
-    /// A line that is no command.
+    /// A line that is not a command.
     BAD_LINE = "bad_line", Warning, ClientUnlessDisturbed;
     /// A line with a number out of range.
     BAD_NUMBER = "bad_number", Warning, ClientUnlessDisturbed;

@@ -44,7 +44,7 @@ crate::codes! {
     COOLED = "cooled", Notice, NoParty;
     /// The power module reports a fault.
     POWER_MODULE_FAULT = "power_module_fault", Warning, NoParty;
-    /// It no longer does.
+    /// The power module no longer reports a fault.
     POWER_MODULE_RECOVERED = "power_module_recovered", Notice, NoParty;
     /// Too many replies waited.
     REPLY_DROPPED = "reply_dropped", Warning, NoParty;
@@ -52,7 +52,7 @@ crate::codes! {
     FUSE_BLOWN = "fuse_blown", Damage, NoParty;
     /// A motor driver allows less current, or none, because of heat.
     MOTOR_HOT = "motor_hot", Damage, NoParty;
-    /// It allows as much as ever.
+    /// A motor driver allows its full current again.
     MOTOR_COOLED = "motor_cooled", Notice, NoParty;
 }
 
