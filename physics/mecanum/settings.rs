@@ -68,7 +68,7 @@ settings! {
         /// Drag of a turning roller, as a share of the load.
         roller_drag: f64 = 0.18, range 0.0..=2.0,
             assumed "plain bearings and a small rubber roller on a hard floor";
-        /// Most by which the rollers of a wheel drag more or less than that.
+        /// Most by which the rollers of a wheel drag more or less than `roller_drag`.
         roller_spread: f64 = 10.0, unit "%", range 0.0..=50.0,
             assumed "bearings with more or less dirt; a strafing car then turns a little";
         /// By what share the drag grows for each empty weight of payload.
@@ -123,13 +123,13 @@ settings! {
     /// Ultrasonic sensors; lists are four in front from left to right, then four in the rear from
     /// left to right, where left is the car's left.
     pub struct UltrasonicSettings {
-        /// Places ahead of the car's middle.
+        /// Places of the sensors ahead of the car's middle.
         x: [f64; 8] = [0.17, 0.17, 0.17, 0.17, -0.17, -0.17, -0.17, -0.17],
             unit "m", range -5.0..=5.0, assumed "on the front and rear edge";
-        /// Places left of the car's middle.
+        /// Places of the sensors left of the car's middle.
         y: [f64; 8] = [0.12, 0.04, -0.04, -0.12, 0.12, 0.04, -0.04, -0.12],
             unit "m", range -5.0..=5.0, assumed "evenly spread over the width";
-        /// Directions, counter-clockwise from straight ahead.
+        /// Directions of the sensors, counter-clockwise from straight ahead.
         angle: [f64; 8] = [20.0, 0.0, 0.0, -20.0, 160.0, 180.0, 180.0, -160.0],
             unit "deg", range -360.0..=360.0, assumed "the outer ones look a little aside";
         /// Half the opening of a cone.

@@ -95,7 +95,7 @@ settings! {
         /// proportion from less. Until then pulses count the old way.
         reversing_time: Duration = MS(200), range Duration::ZERO..=S(60),
             assumed "the ramp of the motors, which the same authors published for another vehicle";
-        /// The same when it is held.
+        /// Time in which a wheel at full speed comes to a stand when it is held.
         braking_time: Duration = MS(30), range Duration::ZERO..=S(60),
             assumed "a brake stops a wheel before the car";
         /// Wheel speed that the full speed voltage stands for.
@@ -104,13 +104,13 @@ settings! {
         /// Wheel speed of motions that come over the ROS link.
         ascii_speed: f64 = 30.0, unit "rpm", range 0.0..=10_000.0,
             assumed "its lines carry no speed";
-        /// Revolutions of a wheel that 1 stands for there.
+        /// Revolutions of a wheel that 1 stands for on the ROS link.
         ascii_unit: f64 = 0.1, range 0.001..=10.0,
             assumed "the article's example: X10 is one revolution";
-        /// Meaning of the letters Y and Z there.
+        /// Meaning of the letters Y and Z on the ROS link.
         ascii_letters: AsciiLetters = AsciiLetters::Table,
             documented "article, table of letters; its picture says otherwise";
-        /// Discards the motions that run and wait when a line arrives there.
+        /// Discards the running and the waiting motions when a line arrives on the ROS link.
         ascii_preempt: bool = true,
             assumed "its lines do not say";
         /// The sign of V in a report line.

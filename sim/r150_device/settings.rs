@@ -111,7 +111,7 @@ settings! {
         /// Software version that 0xF0 reports.
         software_version: Version = Version([1, 0, 0, 0]),
             assumed "placeholder for your module's own";
-        /// Order of the bytes of both.
+        /// Order of the bytes of both versions.
         version_order: VersionOrder = VersionOrder::MajorHigh,
             assumed "the manual lists major, minor, region, build without saying which comes first";
         /// Applies the parking brake when the vehicle is locked.
@@ -133,7 +133,7 @@ settings! {
         /// Stops the motors when the battery is empty.
         empty_battery_stops: bool = true,
             assumed "the manual reports the charge and says nothing about its end";
-        /// Time constant of the filter behind that.
+        /// Time constant of the filter of the motor speeds that 0x12 reports.
         speed_filter: Duration = MS(20), range Duration::ZERO..=S(60),
             assumed "a filter of first order, as such firmware has";
     }
@@ -147,16 +147,16 @@ settings! {
     /// Random errors of what 0x06 and 0x12 report: one standard deviation of white noise, before the
     /// reading is rounded to the step of its field. 0 turns it off.
     pub struct NoiseSettings {
-        /// Of every voltage.
+        /// Random error of every voltage.
         voltage: f64 = 0.01, unit "V", range 0.0..=10.0,
             assumed "a step of a converter with 12 bits over 60 V is 15 mV, and a module averages some";
-        /// Of every current, also of one that is 0.
+        /// Random error of every current, also of one that is 0.
         current: f64 = 0.01, unit "A", range 0.0..=10.0,
             assumed "a step of a converter with 12 bits over 50 A is 12 mA, and a module averages some";
-        /// Of every temperature.
+        /// Random error of every temperature.
         temperature: f64 = 0.1, unit "K", range 0.0..=50.0,
             assumed "a thermistor at the same converter";
-        /// Of the speed of a motor that turns. One that stands gives no pulses and reads 0.
+        /// Random error of the speed of a turning motor. One that stands reads 0.
         speed: f64 = 1.0, unit "rpm", range 0.0..=1000.0,
             assumed "a clock of the module that is off by 10 us over a window of 20 ms at full speed";
     }
