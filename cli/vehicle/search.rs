@@ -85,7 +85,9 @@ pub(super) struct Found {
     pub(super) number: Option<(f64, [Option<f64>; 2])>,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
-    /// What is left of all that it changes beyond chance, and the most that may be.
+    /// Cost that it saves, with the others at their best.
+    saves: f64,
+    /// What is left of all that it changes beyond chance, and the most that chance leaves.
     left: [f64; 2],
     /// Recording and slot that show it best.
     pub(super) shown_by: (usize, usize),

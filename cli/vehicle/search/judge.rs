@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use nalgebra::{DMatrix, DVector};
 use rigsim_settings::Basis;
 
 use super::super::model::{DIFFERENT, cost};
@@ -17,6 +18,10 @@ const AS_MUCH: f64 = 0.5;
 const MOST_INSTEAD: usize = 3;
 /// How many standard deviations of chance may be left of what a setting changes.
 const LEFT: f64 = 4.0;
+/// Share of what a setting saves that may be left: one in the place of another leaves more.
+const SHARE: f64 = 0.05;
+/// Parts of the recordings by which it is known how far numbers scatter.
+const PARTS: usize = 20;
 
 impl Search<'_> {
     /// Slot at which one model fits better than another by most.
@@ -50,7 +55,7 @@ impl Search<'_> {
             let saves = self.gain(&without, model);
             if saves < self.margin() {
                 found.clear();
-                *model = without;
+                *model = self.model(&without.settings, 1.0)?;
                 continue;
             }
             let mut or = Vec::new();
@@ -85,7 +90,7 @@ impl Search<'_> {
             if let Some(better) = better {
                 swaps -= 1;
                 found.clear();
-                *model = better;
+                *model = self.model(&better.settings, 1.0)?;
                 continue;
             }
             found.push(Found {
@@ -93,6 +98,7 @@ impl Search<'_> {
                 literal,
                 number: None,
                 or,
+                saves,
                 left: self.left(&without, model),
                 shown_by: self.shows(&without, model),
             });
@@ -138,15 +144,31 @@ impl Search<'_> {
     /// Notes the values that were found, and their intervals.
     pub(super) fn measure(&self, model: &Model, found: &mut [Found]) -> Result<(), String> {
         let numbers = self.numbers(&model.settings);
+        if numbers.is_empty() {
+            return Ok(());
+        }
         let slopes = self.slopes(model, &numbers, &mut vec![0.25; numbers.len()])?;
-        let weights = self.rest(model, &self.vehicle).1;
+        let (rest, weights) = self.rest(model, &self.vehicle);
         let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
+        // What is left in each part of the recordings pulls the numbers elsewhere: so far they scatter.
+        let left = DVector::from_vec(rest).component_mul(&DVector::from_vec(weights));
+        let part = left.len().div_ceil(PARTS).max(1);
+        let pull = |from: usize| {
+            let count = part.min(left.len() - from);
+            slopes.rows(from, count).tr_mul(&left.rows(from, count))
+        };
+        let pulls: Vec<_> = (0..left.len()).step_by(part).map(pull).collect();
+        let moved = covariance
+            .as_ref()
+            .map(|all| all * DMatrix::from_columns(&pulls));
         for one in found {
             let knob = &self.knobs[one.knob];
             let Some(at) = numbers.iter().position(|number| *number == one.knob) else {
                 continue;
             };
-            let variance = covariance.as_ref().map_or(0.0, |all| all[(at, at)]);
+            let by_chance = covariance.as_ref().map_or(0.0, |all| all[(at, at)]);
+            let moved = moved.as_ref().map_or(0.0, |all| all.row(at).norm_squared());
+            let variance = by_chance.max(moved);
             let value = knob.number_in(&model.settings);
             // It may show only in what is there or is not, or be lost in what the machine explains.
             if slopes.column(at).amax() < 4.0 || variance > 0.1 {
@@ -156,8 +178,9 @@ impl Search<'_> {
                 one.number = Some((value, [low.map(&wider[0]), high.map(&wider[1])]));
                 continue;
             }
-            // What is left may be due to another change, and its effect as that of this one.
-            let wide = WIDE + one.left[0].max(0.0).sqrt();
+            // What is left may be due to another change, and its effect as that of this one; chance hides some.
+            let [left, by_chance] = one.left;
+            let wide = WIDE + (left.max(0.0) + by_chance / 2.0).sqrt();
             let ends = [-wide, wide].map(|wide| Some(knob.beyond(value, wide * variance.sqrt())));
             one.number = Some((value, ends));
         }
@@ -179,7 +202,8 @@ impl Search<'_> {
                     low.is_some_and(|low| before < low) || high.is_some_and(|high| before > high)
                 });
                 let is_enough = enough || matches!(knob.basis, Basis::Assumed(_));
-                let is_explained = one.or.is_empty() && one.left[0] < one.left[1];
+                let [left, by_chance] = one.left;
+                let is_explained = one.or.is_empty() && left < by_chance.max(SHARE * one.saves);
                 return match is_explained && is_outside && is_enough {
                     true => Verdict::Contradicted,
                     false => Verdict::NotDecided,
