@@ -151,13 +151,14 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
         .collect::<Vec<_>>();
     assert!(!failed.is_empty(), "{text}");
     for one in failed {
-        assert_eq!(one["kinds"][0], "lock", "{one}");
+        let kinds = one["kinds"].as_array().unwrap();
+        assert!(kinds.contains(&"lock".into()), "{one}");
         assert!(
             one["broken"][0].as_str().unwrap().contains("locked"),
             "{one}"
         );
         let nearer = one["nearer"].as_object().unwrap();
-        assert!(nearer.keys().all(|rule| rule.contains("locked")), "{one}");
+        assert!(nearer.keys().any(|rule| rule.contains("locked")), "{one}");
         assert!(one["error"].is_null(), "{one}");
     }
     assert_eq!(job["margins"].as_object().unwrap().len(), 2, "{text}");

@@ -12,7 +12,7 @@ use crate::run::{REPORT_MARKS, report_page};
 use crate::visible::{self, lines as readable};
 
 use super::finding::GAVE_UP;
-use super::search::{Hunt, Tried};
+use super::search::Hunt;
 use super::space::{counted, duration};
 
 /// By these a `hunt.json` is known, which may be replaced.
@@ -68,7 +68,7 @@ impl Summary {
             json!({
                 "kinds": kinds.collect::<Vec<_>>(),
                 "faults": words.collect::<Vec<_>>(),
-                "moment": tried.planned.cell.map(|(.., moment)| moment),
+                "moments": tried.planned.cells.iter().map(|(.., moment)| moment).collect::<Vec<_>>(),
                 "hit": tried.seen.hits(),
                 "margin": tried.seen.nearest(&state.usual),
                 "nearer": tried.seen.nearer(&state.usual).collect::<BTreeMap<_, _>>(),
@@ -120,14 +120,20 @@ impl Summary {
 fn text_of(hunt: &Hunt<'_>) -> String {
     let state = &hunt.state;
     let count = |stage| state.counts.get(&stage).copied().unwrap_or_default();
-    let (single, random) = (count(StageArg::Single), count(StageArg::Random));
+    let random = count(StageArg::Random);
+    let singles = state.tried.iter().flat_map(|tried| {
+        let all = tried.seen.begun.iter().zip(&tried.seen.hit);
+        all.take(tried.planned.cells.len())
+    });
+    let begun = singles.filter(|(begun, _)| begun.is_some());
+    let hits: Vec<bool> = begun.map(|(_, hit)| *hit).collect();
     let mut text = format!(
         "{}: {} of {} at {} ({} hit nothing); {} in {}; {}",
         hunt.job.name(),
-        counted(single.runs, "single fault"),
+        counted(hits.len(), "single fault"),
         counted(state.kinds.len(), "kind"),
         counted(state.moments.len(), "moment"),
-        single.without_hit,
+        hits.iter().filter(|hit| !**hit).count(),
         counted(count(StageArg::Further).runs, "further fault"),
         counted(hunt.reactions(), "reaction"),
         counted(random.runs, "random schedule"),
@@ -182,17 +188,14 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
     let has_several = hunt.job.scenario.rig.devices.len() > 1;
     // The smallest margin of single faults that hit something; none if none did.
     let margin = |kind: usize, moment: usize| {
-        let is_it = |tried: &&Tried| {
-            tried
-                .planned
-                .cell
-                .is_some_and(|(of, _, at)| (of, at) == (kind, moment))
-        };
-        let mut all = state.tried.iter().filter(is_it).peekable();
+        let all = state.tried.iter().filter_map(|tried| {
+            let mut cells = tried.planned.cells.iter();
+            let index = cells.position(|(of, _, at)| (*of, *at) == (kind, moment))?;
+            Some((tried.seen.hit[index], tried.seen.nearest(&state.usual)))
+        });
+        let mut all = all.peekable();
         all.peek()?;
-        let margins = all
-            .filter(|tried| tried.seen.hits())
-            .map(|tried| tried.seen.nearest(&state.usual));
+        let margins = all.filter_map(|(hit, margin)| hit.then_some(margin));
         Some(margins.reduce(f64::min))
     };
     Ok(html! {
@@ -206,8 +209,9 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
             (picture)
         }
         p.about {
-            "A number is the margin of a rule that came nearer to being broken than without faults. Green without "
-            "one: no rule did. –: the fault hit nothing. Empty: not tried."
+            "A number is the margin of a rule that came nearer to being broken than without faults, in a run with "
+            "the fault and with others before or after it. Green without one: no rule did. –: the fault hit "
+            "nothing. Empty: not tried."
         }
         table {
             thead {

@@ -33,6 +33,8 @@ const STAGES: [(StageArg, u64); 3] = [
 ];
 /// What is proposed may have been played; so often another is asked for.
 const MOST_REPEATS: usize = 20;
+/// Time between two single faults of a run, ms.
+const PAUSE: u64 = 500;
 /// Weight of what has led to nothing new, beside one that always does.
 const LEAST_WEIGHT: f64 = 0.5;
 
@@ -40,11 +42,16 @@ const LEAST_WEIGHT: f64 = 0.5;
 #[derive(Default)]
 pub(super) struct Planned {
     pub(super) schedule: Vec<Fault>,
-    /// Kind, form and moment of a single fault.
-    pub(super) cell: Option<(usize, usize, usize)>,
+    /// Kind, form and moment of each fault, if they are single ones.
+    pub(super) cells: Vec<(usize, usize, usize)>,
+    /// The client had ended before it began, in a run with others.
+    was_late: bool,
     /// The class of the reactions that it follows up, and the kind of the last fault.
     follows: Option<(u64, usize)>,
 }
+
+/// A schedule, and when the client reacted to it.
+type First = (Vec<Fault>, Vec<u64>);
 
 /// A schedule that was played.
 pub(super) struct Tried {
@@ -105,8 +112,8 @@ pub(super) struct State {
     planned: BTreeSet<u64>,
     sent: BTreeSet<u64>,
     columns: Vec<Column>,
-    /// Schedules whose reactions may be followed up, by the class of the reaction.
-    firsts: BTreeMap<u64, (Vec<usize>, Arm)>,
+    /// What may be followed up, by the class of the reactions.
+    firsts: BTreeMap<u64, (Vec<First>, Arm)>,
     pub(super) found: Vec<Found>,
     /// Kinds that broke each rule, as they were found and made smaller.
     pub(super) per_rule: BTreeMap<String, Vec<Vec<String>>>,
@@ -256,7 +263,7 @@ impl Hunt<'_> {
                 let trigger = moment.trigger.clone();
                 left.push(Planned {
                     schedule: vec![self.state.kinds[kind].fault(form, trigger, lasts)],
-                    cell: Some((kind, form, *at)),
+                    cells: vec![(kind, form, *at)],
                     ..Planned::default()
                 });
             }
@@ -271,8 +278,7 @@ impl Hunt<'_> {
     /// Number of reactions that may be followed up.
     pub(super) fn reactions(&self) -> usize {
         let members = self.state.firsts.values().flat_map(|(members, _)| members);
-        let reactions = members.map(|index| &self.state.tried[*index].seen.reactions);
-        reactions.map(Vec::len).sum()
+        members.map(|(_, reactions)| reactions.len()).sum()
     }
 
     /// Keeps other hunts out of the folder, and goes on with an aborted one.
@@ -335,7 +341,7 @@ impl Hunt<'_> {
         let mut repeats = 0;
         while (round.len() as u64) < most && repeats < MOST_REPEATS {
             let next = match stage {
-                StageArg::Single => self.single_fault(),
+                StageArg::Single => self.single_faults(),
                 StageArg::Further => self.further_fault(),
                 StageArg::Random => Some(self.random_schedule()),
             };
@@ -381,50 +387,106 @@ impl Hunt<'_> {
             *nearest = nearest.min(margin);
         }
         let gain = f64::from(u8::from(is_new || is_nearer));
-        if let Some((kind, form, moment)) = planned.cell {
-            let column = &mut state.columns[kind];
-            column.arm.gains += gain;
-            if !seen.hits() {
-                column.idle.push((form, moment, planned.schedule[0].lasts));
+        for (index, cell) in planned.cells.iter().enumerate() {
+            let fault = &planned.schedule[index];
+            let column = &mut state.columns[cell.0];
+            if index > 0 && seen.begun[index].is_none_or(|at| at >= seen.ended) {
+                column.arm.plays -= 1.0;
+                column.left.push(Planned {
+                    schedule: vec![fault.clone()],
+                    cells: vec![*cell],
+                    was_late: true,
+                    ..Planned::default()
+                });
+            } else if seen.hit[index] {
+                column.arm.gains += gain;
+            } else {
+                column.idle.push((cell.1, cell.2, fault.lasts));
             }
         }
         if let Some((class, kind)) = planned.follows {
             state.columns[kind].further.gains += gain;
             state.firsts.entry(class).or_default().1.gains += gain;
         }
-        let may_follow = planned.schedule.len() < self.args.max_faults as usize;
-        if is_new && may_follow && seen.broken.is_empty() && !seen.reactions.is_empty() {
+        let mut firsts = vec![(planned.schedule.clone(), seen.reactions.clone())];
+        if !planned.cells.is_empty() {
+            let all = planned.schedule.iter().zip(&seen.begun).enumerate();
+            firsts = Vec::from_iter(all.map(|(index, (fault, begun))| {
+                let until = seen.begun[index + 1].unwrap_or(u64::MAX);
+                let during = begun.unwrap_or(u64::MAX)..until;
+                let times = seen.reactions.iter().filter(|at| during.contains(at));
+                (vec![fault.clone()], times.copied().collect())
+            }));
+        }
+        let most = self.args.max_faults as usize;
+        firsts.retain(|(first, times)| first.len() < most && !times.is_empty());
+        if is_new && seen.broken.is_empty() && !firsts.is_empty() {
             let (members, _) = state.firsts.entry(seen.class).or_default();
-            members.push(state.tried.len());
+            members.extend(firsts);
         }
         state.tried.push(Tried { planned, seen });
     }
 
-    /// The next single fault of the kind whose turn it is, but for those that cannot hit anything.
-    fn single_fault(&mut self) -> Option<Planned> {
-        loop {
-            let columns = self.state.columns.iter_mut();
-            let columns = columns.filter(|column| !column.left.is_empty());
-            let turn = |column: &Column| column.arm.turn();
-            let column = columns.min_by(|one, other| turn(one).total_cmp(&turn(other)))?;
-            let next = column.left.pop()?;
-            let (_, form, moment) = next.cell?;
-            let lasts = next.schedule[0].lasts;
-            let covers = |(of, at, longer): &(usize, usize, u64)| {
-                let from_before = *at <= moment && *longer == FOR_GOOD;
-                *of == form && (from_before || *at == moment && *longer >= lasts)
+    /// The next single faults: two that do not meet, if there are. What fails is made smaller, so that only
+    /// the one remains that it takes.
+    fn single_faults(&mut self) -> Option<Planned> {
+        let one = self.single_fault(None)?;
+        let other = match self.args.max_faults {
+            1 => None,
+            _ => self.single_fault(Some(&one)),
+        };
+        let mut all: Vec<Planned> = [one].into_iter().chain(other).collect();
+        all.sort_by_key(|one| self.time_of(one).0);
+        Some(Planned {
+            cells: all.iter().flat_map(|one| one.cells.clone()).collect(),
+            schedule: all.into_iter().flat_map(|one| one.schedule).collect(),
+            ..Planned::default()
+        })
+    }
+
+    /// When a single fault begins and leaves room for others, if the client does as without faults.
+    fn time_of(&self, one: &Planned) -> (u64, u64) {
+        let begins = self.state.moments[one.cells[0].2].at;
+        let ends = begins.saturating_add(one.schedule[0].lasts);
+        let from = if one.was_late { 0 } else { begins };
+        (from, ends.saturating_add(PAUSE))
+    }
+
+    /// The next single fault of the kind whose turn it is, but for those that cannot hit anything. It is of
+    /// another kind than the `other`, and does not meet it.
+    fn single_fault(&mut self, other: Option<&Planned>) -> Option<Planned> {
+        let taken = other.map(|other| (other.cells[0].0, self.time_of(other)));
+        let mut best: Option<(f64, usize, usize)> = None;
+        for (kind, column) in self.state.columns.iter().enumerate() {
+            let turn = column.arm.turn();
+            let is_later = best.is_some_and(|(least, ..)| least <= turn);
+            if is_later || taken.is_some_and(|(of, _)| of == kind) {
+                continue;
+            }
+            let can_come = |one: &Planned| {
+                let ((_, form, moment), lasts) = (one.cells[0], one.schedule[0].lasts);
+                let (from, until) = self.time_of(one);
+                let covers = |(of, at, longer): &(usize, usize, u64)| {
+                    let from_before = *at <= moment && *longer == FOR_GOOD;
+                    *of == form && (from_before || *at == moment && *longer >= lasts)
+                };
+                let meets = taken.is_some_and(|(_, (begun, ended))| from < ended && begun < until);
+                !meets && !column.idle.iter().any(covers)
             };
-            if !column.idle.iter().any(covers) {
-                column.arm.plays += 1.0;
-                return Some(next);
+            if let Some(index) = column.left.iter().rposition(can_come) {
+                best = Some((turn, kind, index));
             }
         }
+        let (_, kind, index) = best?;
+        let column = &mut self.state.columns[kind];
+        column.arm.plays += 1.0;
+        Some(column.left.remove(index))
     }
 
     /// A further fault while the client reacts to those before, or between two things that it does then.
     fn further_fault(&mut self) -> Option<Planned> {
         let state = &mut self.state;
-        let turn = |(_, (_, arm)): &(&u64, &mut (Vec<usize>, Arm))| arm.turn();
+        let turn = |(_, (_, arm)): &(&u64, &mut (Vec<_>, Arm))| arm.turn();
         let firsts = state
             .firsts
             .iter_mut()
@@ -432,8 +494,7 @@ impl Hunt<'_> {
         let next = firsts.min_by(|one, other| turn(one).total_cmp(&turn(other)))?;
         let (class, (members, arm)) = next;
         arm.plays += 1.0;
-        let first = &state.tried[members[below(&mut self.noise, members.len())]];
-        let times = &first.seen.reactions;
+        let (first, times) = &members[below(&mut self.noise, members.len())];
         let reaction = below(&mut self.noise, times.len());
         let mut at = times[reaction];
         if self.noise.uniform() < 0.5 {
@@ -448,7 +509,7 @@ impl Hunt<'_> {
         }
         let kind = best.1;
         state.columns[kind].further.plays += 1.0;
-        let mut schedule = first.planned.schedule.clone();
+        let mut schedule = first.clone();
         let follows = Some((*class, kind));
         schedule.push(any_of(&mut self.noise, &state.kinds[kind], at));
         Some(Planned {
