@@ -39,6 +39,12 @@ pub struct EventKind {
 }
 
 impl EventKind {
+    /// It as an event of a device at a time.
+    pub(crate) fn at(self, at: SimTime, device: usize) -> Event {
+        let kind = self;
+        Event { at, device, kind }
+    }
+
     /// An event with this code, in these words.
     #[must_use]
     pub fn new(code: Code, text: impl Into<Cow<'static, str>>) -> Self {

@@ -2,13 +2,13 @@
 //! sends and reports.
 
 use std::borrow::Cow;
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use rigsim_settings::{SimTime, show_duration};
 
 use crate::defects::{DefectCounts, Defects};
 use crate::event::{Code, EventKind, code};
+use crate::newest::Newest;
 
 /// Most events kept until they are taken; the oldest go first.
 const MOST_EVENTS: usize = 1024;
@@ -25,9 +25,8 @@ pub struct Shell<O, S> {
     /// The latest time that it knows: what turns out to have been due before that, as when it hung, is
     /// done then.
     not_before: SimTime,
-    most_outputs: usize,
-    output: VecDeque<O>,
-    events: VecDeque<(SimTime, EventKind)>,
+    output: Newest<O>,
+    events: Newest<(SimTime, EventKind)>,
 }
 
 impl<O, S> Shell<O, S> {
@@ -39,17 +38,13 @@ impl<O, S> Shell<O, S> {
             stuck_status: None,
             boot_due: None,
             not_before: SimTime::ZERO,
-            most_outputs,
-            output: VecDeque::new(),
-            events: VecDeque::new(),
+            output: Newest::new(most_outputs),
+            events: Newest::new(MOST_EVENTS),
         }
     }
 
     pub(crate) fn send(&mut self, output: O) {
-        if self.output.len() >= self.most_outputs {
-            self.output.pop_front();
-        }
-        self.output.push_back(output);
+        self.output.push(output);
     }
 
     /// Reports an event that is its code and its words.
@@ -58,10 +53,7 @@ impl<O, S> Shell<O, S> {
     }
 
     pub(crate) fn report(&mut self, now: SimTime, event: EventKind) {
-        if self.events.len() >= MOST_EVENTS {
-            self.events.pop_front();
-        }
-        self.events.push_back((now, event));
+        self.events.push((now, event));
     }
 
     /// Returns the time by which the next reply, packet or line is late.
@@ -148,12 +140,12 @@ pub trait Firmware {
 
     /// Takes the next frame, packet or line.
     fn poll_output(&mut self) -> Option<Self::Output> {
-        self.shell_mut().output.pop_front()
+        self.shell_mut().output.pop()
     }
 
     /// Takes the next event and when it happened.
     fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
-        self.shell_mut().events.pop_front()
+        self.shell_mut().events.pop()
     }
 
     /// Returns whether the firmware takes bytes that have arrived.

@@ -17,7 +17,7 @@
 //! | [`rig`] | any number of devices in one world, advanced from event to event |
 //! | [`scanner`] | frames in a stream of bytes |
 //! | [`message`] | declarations of messages, and what follows from them |
-//! | [`event`], [`report`] | what is reported, and its counts |
+//! | [`event`], [`report`], [`newest`] | what is reported, its counts, and queues of it |
 //! | [`settings`] | every setting of a run, in one tree |
 
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
@@ -32,6 +32,7 @@ pub mod line;
 pub mod mecanum;
 pub mod mecanum_device;
 pub mod message;
+pub mod newest;
 pub mod r150;
 pub mod r150_device;
 pub mod report;

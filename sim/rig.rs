@@ -7,7 +7,6 @@
 
 mod deadlines;
 mod effects;
-mod events;
 mod faults;
 mod port;
 mod service;
@@ -22,9 +21,9 @@ use crate::device::{Device, DeviceSpec, EffectHandle, Motion, Setup};
 use crate::event::Event;
 use crate::injection::Injection;
 use crate::line::{SerialLine, Wire};
+use crate::newest::Newest;
 use deadlines::Deadlines;
 use effects::Effects;
-use events::Events;
 pub use port::PortId;
 
 /// Interval at which slow states (charge, temperatures) advance while nothing moves.
@@ -32,6 +31,9 @@ const REST_TICK: Duration = Duration::from_millis(100);
 /// Rounds without time passing after which the rig gives up; an honest instant takes a few for
 /// each byte that arrives in it.
 const MOST_ROUNDS: u32 = 100_000;
+
+/// Most events kept until they are taken; the oldest go first, and are counted.
+const MOST_EVENTS: usize = 1 << 16;
 
 /// Reason for which a rig cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -83,7 +85,7 @@ pub struct Rig {
     /// Time at which the physics next takes a step or, at rest, a tick.
     physics_due: SimTime,
     resting: bool,
-    events: Events,
+    events: Newest<Event>,
     effects: Effects,
     /// Number of times that each fault has acted.
     fault_hits: BTreeMap<EffectHandle, u64>,
@@ -106,7 +108,7 @@ impl Rig {
             now: SimTime::ZERO,
             physics_due,
             resting: false,
-            events: Events::default(),
+            events: Newest::new(MOST_EVENTS),
             effects: Effects::default(),
             fault_hits: BTreeMap::new(),
             fault_names: BTreeMap::new(),
@@ -300,13 +302,13 @@ impl Rig {
 
     /// Takes the next event.
     pub fn poll_event(&mut self) -> Option<Event> {
-        self.events.take()
+        self.events.pop()
     }
 
     /// Number of events that were lost because they were not taken.
     #[must_use]
     pub fn events_lost(&self) -> u64 {
-        self.events.lost()
+        self.events.lost
     }
 
     /// While nothing moves, a device's slow states lag behind; this brings them to where the next

@@ -1,22 +1,30 @@
 //! Events of an R150's hardware that its firmware does not know of: fuses that blow, motors
 //! that are too hot, wheels that would lift.
 
-use std::collections::VecDeque;
-
 use rigsim_physics::r150::{FuseId, R150Health, Side};
 use rigsim_settings::SimTime;
 
 use crate::event::{Code, EventKind};
+use crate::newest::Newest;
 use crate::r150_device::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT};
 
 /// Most events kept until they are taken.
 const MOST: usize = 64;
 
 /// Reports what has changed in the hardware since the last look.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Watch {
     last: R150Health,
-    events: VecDeque<(SimTime, EventKind)>,
+    events: Newest<(SimTime, EventKind)>,
+}
+
+impl Default for Watch {
+    fn default() -> Self {
+        Self {
+            last: R150Health::default(),
+            events: Newest::new(MOST),
+        }
+    }
 }
 
 impl Watch {
@@ -53,7 +61,7 @@ impl Watch {
             self.emit(now, code, format!("the {side} {text}"));
         }
         if state.tipping && !last.tipping {
-            self.keep(now, EventKind::tipping());
+            self.events.push((now, EventKind::tipping()));
         }
     }
 
@@ -62,17 +70,10 @@ impl Watch {
     }
 
     pub(super) fn poll(&mut self) -> Option<(SimTime, EventKind)> {
-        self.events.pop_front()
+        self.events.pop()
     }
 
     fn emit(&mut self, now: SimTime, code: Code, text: String) {
-        self.keep(now, EventKind::new(code, text));
-    }
-
-    fn keep(&mut self, now: SimTime, event: EventKind) {
-        if self.events.len() >= MOST {
-            self.events.pop_front();
-        }
-        self.events.push_back((now, event));
+        self.events.push((now, EventKind::new(code, text)));
     }
 }

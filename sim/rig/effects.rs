@@ -77,7 +77,7 @@ impl Rig {
             self.fault_names.insert(name.to_owned(), times);
             self.fault_hits.insert(handle, 0);
             let event = EventKind::of_fault(code::FAULT_ARMED, name, info.id, "armed");
-            self.events.keep(now, device, event);
+            self.events.push(event.at(now, device));
         } else {
             let what = format!("step \"{name}\": {} {}", info.level.key(), info.id);
             self.emit_action(device, code::ACTION_APPLIED, what.clone());
@@ -173,8 +173,8 @@ impl Rig {
     }
 
     fn emit_action(&mut self, device: usize, code: Code, text: String) {
-        self.events
-            .keep(self.now, device, EventKind::new(code, text));
+        let event = EventKind::new(code, text);
+        self.events.push(event.at(self.now, device));
     }
 }
 

@@ -37,7 +37,7 @@ impl Rig {
         slot.set_faulty_ends(now);
         if let Some((name, info)) = ended.filter(|(_, info)| info.is_fault()) {
             let event = EventKind::of_fault(code::FAULT_CLEARED, &name, info.id, "cleared");
-            self.events.keep(now, device, event);
+            self.events.push(event.at(now, device));
         }
         self.after_change(device);
     }
@@ -96,7 +96,7 @@ impl Rig {
             if let Some(what) = first.filter(|_| info.is_fault()) {
                 let what = format!("triggered: {what}");
                 let event = EventKind::of_fault(code::FAULT_TRIGGERED, name, info.id, &what);
-                self.events.keep(at, device, event);
+                self.events.push(event.at(at, device));
             }
         });
     }

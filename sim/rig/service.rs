@@ -3,11 +3,12 @@
 
 use rigsim_settings::SimTime;
 
-use super::events::Events;
 use super::{PortId, Rig, Slot};
 use crate::device::Device;
+use crate::event::Event;
 use crate::injection::Injection;
 use crate::line::{LineEvent, SerialLine};
+use crate::newest::Newest;
 
 /// After so many bytes of one instant, as on a line without pacing, what they led to is taken. A
 /// device keeps a thousand events, and none of its frames is shorter than two bytes.
@@ -87,15 +88,15 @@ impl Rig {
     pub(super) fn line_event(&mut self, port: PortId, event: Option<LineEvent>) {
         if let Some(event) = event {
             let PortId { device, link } = port;
-            self.events.keep(self.now, device, event.on(link));
+            self.events.push(event.on(link).at(self.now, device));
         }
     }
 }
 
 /// Takes what a device tells, before it has to forget any of it.
-fn take_events(device: usize, unit: &mut dyn Device, events: &mut Events) {
+fn take_events(device: usize, unit: &mut dyn Device, events: &mut Newest<Event>) {
     while let Some((at, kind)) = unit.poll_event() {
-        events.keep(at, device, kind);
+        events.push(kind.at(at, device));
     }
 }
 
@@ -122,7 +123,7 @@ fn deliver(
 }
 
 /// Puts what a device has to say onto its lines, or what faults make of it.
-fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
+fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Newest<Event>) {
     let mut put = |line: &mut SerialLine, link: usize, bytes: &[u8], has_room: bool| {
         let event = if has_room {
             line.device_sends(now, bytes)
@@ -131,7 +132,7 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
             Some(LineEvent::ReplyDropped { bytes })
         };
         if let Some(event) = event {
-            events.keep(now, device, event.on(link));
+            events.push(event.on(link).at(now, device));
         }
     };
     let unit = slot.device.as_mut();

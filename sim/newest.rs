@@ -3,15 +3,18 @@
 use std::collections::VecDeque;
 
 /// Things that are kept until they are taken, up to a number; beyond it the oldest are lost.
-pub(super) struct Newest<T> {
+#[derive(Debug, Clone)]
+pub struct Newest<T> {
     kept: VecDeque<T>,
     most: usize,
     /// How many were lost.
-    pub(super) lost: u64,
+    pub lost: u64,
 }
 
 impl<T> Newest<T> {
-    pub(super) fn new(most: usize) -> Self {
+    /// None yet.
+    #[must_use]
+    pub fn new(most: usize) -> Self {
         Self {
             kept: VecDeque::new(),
             most,
@@ -19,7 +22,8 @@ impl<T> Newest<T> {
         }
     }
 
-    pub(super) fn push(&mut self, one: T) {
+    /// Keeps one more.
+    pub fn push(&mut self, one: T) {
         if self.kept.len() >= self.most {
             self.kept.pop_front();
             self.lost += 1;
@@ -28,12 +32,18 @@ impl<T> Newest<T> {
     }
 
     /// Takes the oldest.
-    pub(super) fn pop(&mut self) -> Option<T> {
+    pub fn pop(&mut self) -> Option<T> {
         self.kept.pop_front()
     }
 
     /// Takes all, the oldest first.
-    pub(super) fn take(&mut self) -> impl Iterator<Item = T> {
+    pub fn take(&mut self) -> impl Iterator<Item = T> {
         self.kept.drain(..)
+    }
+
+    /// Returns whether there is none to take.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.kept.is_empty()
     }
 }
