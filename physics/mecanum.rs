@@ -38,7 +38,7 @@ pub use settings::{
 };
 pub use signals::{
     ECHOES, MecanumCommands, MecanumMeasurements, PORTS, PlugSwaps, Port, PortCommand, WHEELS,
-    Wheel, Wiring,
+    Wheel,
 };
 
 use crate::drawing::{Drawing, EchoDrawing, WheelDrawing};
@@ -65,13 +65,10 @@ const BOUNDS: Bounds = Bounds {
 #[derive(Debug, Clone)]
 pub struct MecanumPlant {
     pub(crate) settings: MecanumPlantSettings,
-    wiring: Wiring,
     body: VehicleBody,
     commands: MecanumCommands,
     wheel_faults: [MotorFaults; WHEELS],
     faults: MecanumFaults,
-    /// The wiring without what the faults swap.
-    plain_wiring: Wiring,
     /// Count of the ports' counters besides their wheel's pulses.
     pulse_offset: [u32; PORTS],
     drive: Drive,
@@ -85,8 +82,7 @@ impl MecanumPlant {
         Self::with_name("mecanum", settings, world, pose)
     }
 
-    /// Puts a car into the world, standing; `name` is what errors call it. It is wired by the
-    /// article's table, unless [`wired`](Self::wired) says otherwise.
+    /// Puts a car into the world, standing; `name` is what errors call it.
     #[must_use]
     pub fn with_name(
         name: &str,
@@ -107,10 +103,7 @@ impl MecanumPlant {
         let body = VehicleBody::new(world, body, carried, BOUNDS);
         let mut sensors = Sensors::new(settings);
         sensors.look(world, body.id(), body.motion());
-        let wiring = Wiring::default();
         Self {
-            wiring,
-            plain_wiring: wiring,
             pulse_offset: [0; PORTS],
             settings: settings.clone(),
             body,
@@ -119,16 +112,6 @@ impl MecanumPlant {
             faults: MecanumFaults::default(),
             drive,
             sensors,
-        }
-    }
-
-    /// The same car with its motors at these ports.
-    #[must_use]
-    pub fn wired(self, wiring: Wiring) -> Self {
-        Self {
-            wiring,
-            plain_wiring: wiring,
-            ..self
         }
     }
 
@@ -152,10 +135,10 @@ impl MecanumPlant {
         &self.commands
     }
 
-    /// Returns the motor that is really at each port.
+    /// The pins to a wheel's motor, wherever it is plugged in.
     #[must_use]
-    pub fn wiring(&self) -> Wiring {
-        self.wiring
+    pub fn pins(&self, wheel: Wheel) -> PortCommand {
+        self.commands.ports[self.faults.swaps.port(wheel).index()]
     }
 
     /// Says that so much of the step that comes has passed when what follows is done to the pins.

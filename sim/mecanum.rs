@@ -64,7 +64,7 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
         "status_period",
         "queue_length",
         "link_timeout",
-        "wiring",
+        "motion_pause",
         "positive_turn",
         "positive_strafe",
         "ascii_letters",
@@ -120,8 +120,7 @@ impl Mecanum {
     /// instead of the magnetic sensor's.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         let MecanumSettings { firmware, plant } = setup.own::<MecanumSettings>().clone();
-        let plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
-        let mut plant = plant.wired(firmware.wiring);
+        let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
         let chance = format!("{}.ultrasonic", setup.name);
         plant.set_chance(Noise::new(setup.seed, &chance));
         let measured = plant.measurements();

@@ -200,7 +200,7 @@ impl MecanumPlant {
         if !self.is_supplied() || faults.free_wheeling {
             return Order::Coast;
         }
-        let PortCommand { reverse, brake } = self.wiring.command(&self.commands, wheel);
+        let PortCommand { reverse, brake } = self.pins(wheel);
         match (brake, faults.brake_stuck_open) {
             (true, true) => Order::Coast,
             (true, false) => Order::Brake,

@@ -80,7 +80,6 @@ impl MecanumPlant {
         }
         let before = self.raw_pulses();
         self.faults = faults;
-        self.wiring = self.plain_wiring.swapped(self.faults.swaps);
         // A counter counts on from where it is, whichever wheel's wire it gets.
         let after = self.raw_pulses();
         for (port, offset) in self.pulse_offset.iter_mut().enumerate() {
@@ -98,7 +97,7 @@ impl MecanumPlant {
 
     /// Interference adds pulses to a wheel's wire.
     pub fn add_pulses(&mut self, wheel: Wheel, pulses: u32) {
-        let port = self.wiring.port(wheel).index();
+        let port = self.faults.swaps.port(wheel).index();
         self.pulse_offset[port] = self.pulse_offset[port].wrapping_add(pulses);
     }
 

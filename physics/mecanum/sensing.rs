@@ -58,7 +58,7 @@ impl MecanumPlant {
     pub(super) fn raw_pulses(&self) -> [u32; PORTS] {
         let mut pulses = [0; PORTS];
         for wheel in Wheel::ALL {
-            pulses[self.wiring.port(wheel).index()] = self.drive.pulses[wheel.index()].count;
+            pulses[self.faults.swaps.port(wheel).index()] = self.drive.pulses[wheel.index()].count;
         }
         pulses
     }

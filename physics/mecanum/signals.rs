@@ -1,14 +1,10 @@
 //! Signals between the mecanum board's pins and the car around it.
 //!
-//! The board drives motor *ports*; which wheel turns is a matter of how the motors are plugged in.
-//! [`Wiring`] says that, once for what the firmware expects and once for what is really so.
-
-mod wiring;
+//! The board drives motor *ports*; which wheel turns is a matter of how the motors are plugged in:
+//! as the firmware expects, but for [`PlugSwaps`].
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-
-pub use wiring::{PlugSwaps, Wiring};
 
 /// Number of motor ports of the board.
 pub const PORTS: usize = 5;
@@ -27,7 +23,7 @@ rigsim_settings::words! {
         X = "x",
         /// Y.
         Y = "y",
-        /// Z, which no motor has in the default wiring.
+        /// Z, at which no motor is.
         Z = "z",
         /// E0.
         E0 = "e0",
@@ -53,6 +49,45 @@ impl Wheel {
     #[must_use]
     pub const fn is_left(self) -> bool {
         matches!(self, Self::LeftFront | Self::LeftRear)
+    }
+
+    /// The port of its motor, by the article's table.
+    #[must_use]
+    pub const fn port(self) -> Port {
+        match self {
+            Self::LeftFront => Port::X,
+            Self::RightFront => Port::Y,
+            Self::LeftRear => Port::E0,
+            Self::RightRear => Port::E1,
+        }
+    }
+}
+
+/// Plugs that have changed places, pair by pair: for each port where its own plug is now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PlugSwaps([Port; PORTS]);
+
+impl PlugSwaps {
+    /// After these, the plugs that are in two ports change places, too; either port may be empty.
+    #[must_use]
+    pub fn and(self, one: Port, other: Port) -> Self {
+        Self(self.0.map(|port| match port {
+            port if port == one => other,
+            port if port == other => one,
+            port => port,
+        }))
+    }
+
+    /// Port in which a wheel's plug is now.
+    #[must_use]
+    pub fn port(self, wheel: Wheel) -> Port {
+        self.0[wheel.port().index()]
+    }
+}
+
+impl Default for PlugSwaps {
+    fn default() -> Self {
+        Self(Port::ALL)
     }
 }
 

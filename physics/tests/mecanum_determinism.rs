@@ -10,7 +10,7 @@ mod car;
 
 use car::MOTIONS;
 use rigsim_physics::faults::{EncoderState, MotorFaults};
-use rigsim_physics::mecanum::{Port, Wheel, Wiring};
+use rigsim_physics::mecanum::{MecanumFaults, PlugSwaps, Port, Wheel};
 use rigsim_physics::{
     MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
@@ -66,11 +66,16 @@ impl Scene {
         let mut world = World::with_map(&WorldSettings::default(), &map);
         let settings = MecanumPlantSettings::default();
         let at = |x, y, heading| Pose { x, y, heading };
-        let cars = [
+        let mut cars = [
             MecanumPlant::with_name("first", &settings, &mut world, at(0.0, 0.0, 0.2)),
-            MecanumPlant::with_name("second", &settings, &mut world, at(0.9, 0.3, 2.9))
-                .wired(Wiring::new([Port::X, Port::Y, Port::Z, Port::E0], [false; 4]).unwrap()),
+            MecanumPlant::with_name("second", &settings, &mut world, at(0.9, 0.3, 2.9)),
         ];
+        cars[1].set_faults(&MecanumFaults {
+            swaps: PlugSwaps::default()
+                .and(Port::E0, Port::Z)
+                .and(Port::E1, Port::E0),
+            ..MecanumFaults::default()
+        });
         let r150 = R150Plant::new(
             &R150PlantSettings::default(),
             &mut world,
@@ -92,7 +97,7 @@ impl Scene {
             };
             for wheel in Wheel::ALL {
                 let rotation = MOTIONS[motion].1[wheel.index()];
-                let port = &mut commands.ports[car.wiring().port(wheel).index()];
+                let port = &mut commands.ports[car.faults().swaps.port(wheel).index()];
                 port.brake = rotation == 0;
                 port.reverse = rotation < 0;
             }

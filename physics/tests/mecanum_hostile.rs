@@ -16,7 +16,7 @@ use proptest::prelude::*;
 use rigsim_physics::Wrench;
 use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::mecanum::{
-    MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, Wiring,
+    MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel,
 };
 use rigsim_physics::{
     Ground, MecanumCommands, MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings,
@@ -225,7 +225,7 @@ proptest! {
         ahead in -8.0..8.0_f64, left in -8.0..8.0_f64, turn in -0.5..0.5_f64,
         brake in any::<[bool; 5]>(), supply in any::<bool>(),
     ) {
-        let mut car = Car::wired(Wiring::X_Y_E0_E1);
+        let mut car = Car::new();
         car.plant.set_commands(&commands([false; 5], brake, 0.0));
         let faults = MecanumFaults { unsupplied: !supply, ..MecanumFaults::default() };
         car.plant.set_faults(&faults);

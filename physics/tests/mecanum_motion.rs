@@ -7,7 +7,7 @@ mod car;
 
 use car::{ARM, Car, FULL, MOTIONS, RADIUS};
 use rigsim_physics::faults::MotorFaults;
-use rigsim_physics::mecanum::{MecanumFaults, Port, WHEELS, Wheel, Wiring};
+use rigsim_physics::mecanum::{MecanumFaults, PlugSwaps, Port, WHEELS, Wheel};
 use rigsim_physics::world::{FrictionPatch, Obstacle, Rectangle, Shape};
 use rigsim_physics::{Ground, MecanumPlantSettings, Plant as _, Pose};
 
@@ -216,23 +216,20 @@ fn with_drag_a_strafe_loses_what_published_cars_lose_and_forward_nothing() {
 }
 
 #[test]
-fn the_ten_motions_move_the_body_as_tabulated_for_both_wirings() {
-    let later = Wiring::new([Port::X, Port::Y, Port::Z, Port::E0], [false; WHEELS]).unwrap();
-    for wiring in [Wiring::X_Y_E0_E1, later] {
-        for (name, rotations, direction) in MOTIONS {
-            let mut car = Car::wired(wiring);
-            car.turn_expecting(wiring, rotations, 0.6);
-            car.run(2.0);
-            let turned = car.plant.truth().wheel_angle;
-            for wheel in Wheel::ALL {
-                let wanted = f64::from(rotations[wheel.index()]);
-                let turned = turned[wheel.index()];
-                assert!(turned * wanted > 5.0 || wanted == 0.0 && turned.abs() < 1e-9);
-            }
-            let found = signs(&car);
-            println!("{wiring} {name}: {:.3?}", car.gone());
-            assert_eq!(found, direction, "{wiring} {name}: {:?}", car.gone());
+fn the_ten_motions_move_the_body_as_tabulated() {
+    for (name, rotations, direction) in MOTIONS {
+        let mut car = Car::new();
+        car.turn(rotations, 0.6);
+        car.run(2.0);
+        let turned = car.plant.truth().wheel_angle;
+        for wheel in Wheel::ALL {
+            let wanted = f64::from(rotations[wheel.index()]);
+            let turned = turned[wheel.index()];
+            assert!(turned * wanted > 5.0 || wanted == 0.0 && turned.abs() < 1e-9);
         }
+        let found = signs(&car);
+        println!("{name}: {:.3?}", car.gone());
+        assert_eq!(found, direction, "{name}: {:?}", car.gone());
     }
 }
 
@@ -255,30 +252,36 @@ fn signs(car: &Car) -> [i8; 3] {
 
 #[test]
 fn a_miswired_car_goes_the_wrong_way() {
-    let expected = Wiring::X_Y_E0_E1;
-    let [x, y, z, e0, e1] = Port::ALL;
-    let car = |ports, reversed| {
-        let mut car = Car::wired(Wiring::new(ports, reversed).unwrap());
-        car.turn_expecting(expected, FORWARD, 0.6);
-        car.run(2.0);
-        let forward = signs(&car);
-        let mut car = Car::wired(Wiring::new(ports, reversed).unwrap());
-        car.turn_expecting(expected, LEFT, 0.6);
-        car.run(2.0);
-        (forward, car)
+    let straight = PlugSwaps::default();
+    let car = |swaps, reversed| {
+        let drive = |rotations| {
+            let mut car = Car::swapped(swaps);
+            let faults = MotorFaults {
+                reversed,
+                ..MotorFaults::default()
+            };
+            for wheel in Wheel::ALL {
+                car.fault(wheel, faults);
+            }
+            car.turn(rotations, 0.6);
+            car.run(2.0);
+            car
+        };
+        (signs(&drive(FORWARD)), drive(LEFT))
     };
     // Left and right front motors swapped: it still goes forward, but instead of strafing it turns.
-    let (forward, strafing) = car([y, x, e0, e1], [false; 4]);
+    let (forward, strafing) = car(straight.and(Port::X, Port::Y), false);
     assert_eq!(forward, [1, 0, 0]);
     println!("front swapped, strafing: {:.3?}", strafing.gone());
     assert!(strafing.gone()[1].abs() < 0.1 && strafing.gone()[2].abs() > 0.5);
     // All motors turn the other way: it goes backward.
-    let (forward, strafing) = car([x, y, e0, e1], [true; 4]);
+    let (forward, strafing) = car(straight, true);
     assert_eq!(forward, [-1, 0, 0]);
     assert_eq!(signs(&strafing), [0, -1, 0]);
     // Wired as the article's later line says, for a firmware that follows the table: the left rear
     // motor, at port Z, gets nothing and is held.
-    let (forward, _) = car([x, y, z, e0], [false; 4]);
+    let later = straight.and(Port::E0, Port::Z).and(Port::E1, Port::E0);
+    let (forward, _) = car(later, false);
     println!("later line under the table's firmware: {forward:?}");
     assert_ne!(forward, [1, 0, 0]);
 }

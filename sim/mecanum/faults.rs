@@ -343,7 +343,7 @@ impl Mecanum {
         let commands = plant.commands();
         let speeds = plant.truth().wheel_speed;
         Wheel::ALL.map(|wheel| {
-            let pins = plant.wiring().command(commands, wheel);
+            let pins = plant.pins(wheel);
             let turns = speeds[wheel.index()].abs() > STANDING;
             MotorState {
                 driven: runs(pins, commands.speed_voltage),

@@ -1,7 +1,7 @@
 //! The driving half of the firmware: who drives, what the wheels do, and what their pulses say.
 
 use rigsim_physics::mecanum::{
-    MecanumCommands, MecanumMeasurements, PORTS, Port, PortCommand, WHEELS, Wheel,
+    MecanumCommands, MecanumMeasurements, PORTS, PortCommand, WHEELS, Wheel,
 };
 use rigsim_settings::SimTime;
 
@@ -38,12 +38,11 @@ impl Locomotion {
             remote: settings.start_mode == StartMode::Remote,
             key: None,
             encoders: Wheel::ALL.map(|wheel| {
-                let port = settings.wiring.port(wheel);
                 let stopping = Stopping {
                     reversed: settings.reversing_time,
                     held: settings.braking_time,
                 };
-                Encoder::new(stopping, measured.pulses[port.index()])
+                Encoder::new(stopping, measured.pulses[wheel.port().index()])
             }),
             odometry: Odometry::new(settings.odometry.clone()),
             last: None,
@@ -99,7 +98,7 @@ impl Locomotion {
         let mut came = [0; WHEELS];
         for wheel in Wheel::ALL {
             let at = wheel.index();
-            let count = pulses[self.settings.wiring.port(wheel).index()];
+            let count = pulses[wheel.port().index()];
             came[at] = self.encoders[at].read(now, count);
         }
         if came == [0; WHEELS] {
@@ -133,11 +132,9 @@ impl Locomotion {
         let mut commands = MecanumCommands::default();
         for wheel in Wheel::ALL {
             let at = wheel.index();
-            let port: Port = self.settings.wiring.port(wheel);
             let stands = rotations[at] == 0;
-            let backward = self.encoders[at].is_backward();
-            commands.ports[port.index()] = PortCommand {
-                reverse: backward != self.settings.wiring.is_reversed(wheel),
+            commands.ports[wheel.port().index()] = PortCommand {
+                reverse: self.encoders[at].is_backward(),
                 brake: stands && held,
             };
         }

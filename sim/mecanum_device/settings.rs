@@ -4,7 +4,6 @@ mod choices;
 
 use std::time::Duration;
 
-use rigsim_physics::mecanum::Wiring;
 use rigsim_settings::settings;
 
 use crate::uart::Adapter;
@@ -84,10 +83,6 @@ settings! {
         /// either link ends it.
         link_timeout: Option<Duration> = None, range MS(1)..=S(3600),
             assumed "the article documents no watchdog";
-        /// The motor ports of LF, RF, LR, RR, as the firmware drives them; "!" before a port
-        /// drives it the other way.
-        wiring: Wiring = Wiring::X_Y_E0_E1,
-            documented "article, wiring table; a later line gives \"x-y-z-e0\"";
         /// State of BK while no wheel is driven; one that stands while others turn is always held.
         idle_wheels: IdleWheels = IdleWheels::Hold,
             assumed "a car that has arrived should stay";

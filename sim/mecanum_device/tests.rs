@@ -13,7 +13,7 @@ mod status;
 use crate::firmware::Firmware as _;
 use std::time::Duration;
 
-use rigsim_physics::mecanum::{MecanumMeasurements, PortCommand, WHEELS, Wheel, Wiring};
+use rigsim_physics::mecanum::{MecanumMeasurements, PlugSwaps, PortCommand, WHEELS, Wheel};
 use rigsim_settings::SimTime;
 
 use super::codec;
@@ -44,7 +44,9 @@ struct Bench {
     now: SimTime,
     readings: MecanumMeasurements,
     /// How the motors are really plugged in.
-    plugs: Wiring,
+    plugs: PlugSwaps,
+    /// The motor that turns the wrong way.
+    reversed: Option<Wheel>,
     /// Pulses that each wheel has turned, backward ones negative.
     turned: [f64; WHEELS],
     /// Pulses that each wheel has given.
@@ -76,12 +78,12 @@ impl Bench {
             pulses: [u32::MAX - 3; 5],
             ..MecanumMeasurements::default()
         };
-        let plugs = settings.wiring;
         Self {
             device: MecanumDevice::new(SimTime::ZERO, settings, ros, readings),
             now: SimTime::ZERO,
             readings,
-            plugs,
+            plugs: PlugSwaps::default(),
+            reversed: None,
             turned: [0.0; WHEELS],
             travel: [0.0; WHEELS],
             stuck: [false; WHEELS],
@@ -116,9 +118,14 @@ impl Bench {
             if self.stuck[at] {
                 continue;
             }
-            let rotation = f64::from(rotation(self.plugs.command(&commands, wheel)));
+            let rotation = f64::from(rotation(commands.ports[self.plugs.port(wheel).index()]));
             let pulses = 50.0 * commands.speed_voltage * seconds;
-            self.turned[at] += rotation * pulses;
+            let way = if self.reversed == Some(wheel) {
+                -1.0
+            } else {
+                1.0
+            };
+            self.turned[at] += way * rotation * pulses;
             // A pulse that is short of its place by rounding alone has come.
             let whole = |travel: f64| super::motion::whole((travel + 1e-9).floor());
             let before = whole(self.travel[at]);

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 use rigsim_physics::faults::MotorFaults;
-use rigsim_physics::mecanum::{WHEELS, Wheel, Wiring};
+use rigsim_physics::mecanum::{MecanumFaults, PlugSwaps, WHEELS, Wheel};
 use rigsim_physics::{
     Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World,
     WorldSettings,
@@ -61,30 +61,29 @@ impl Car {
         car
     }
 
-    pub fn wired(plugs: Wiring) -> Self {
-        let Self { world, plant } = Self::new();
-        let plant = plant.wired(plugs);
-        Self { world, plant }
+    pub fn swapped(swaps: PlugSwaps) -> Self {
+        let mut car = Self::new();
+        let faults = MecanumFaults {
+            swaps,
+            ..MecanumFaults::default()
+        };
+        car.plant.set_faults(&faults);
+        car
     }
 
-    /// What a firmware that expects this wiring does to turn the wheels so.
-    pub fn turn_expecting(&mut self, wiring: Wiring, rotations: [i8; WHEELS], speed_voltage: f64) {
+    /// What the firmware does to turn the wheels so.
+    pub fn turn(&mut self, rotations: [i8; WHEELS], speed_voltage: f64) {
         let mut commands = MecanumCommands {
             speed_voltage,
             ..MecanumCommands::default()
         };
         for wheel in Wheel::ALL {
             let rotation = rotations[wheel.index()];
-            let port = &mut commands.ports[wiring.port(wheel).index()];
+            let port = &mut commands.ports[wheel.port().index()];
             port.brake = rotation == 0;
-            port.reverse = (rotation < 0) != wiring.is_reversed(wheel);
+            port.reverse = rotation < 0;
         }
         self.plant.set_commands(&commands);
-    }
-
-    /// Turns the wheels, wherever they are plugged in.
-    pub fn turn(&mut self, rotations: [i8; WHEELS], speed_voltage: f64) {
-        self.turn_expecting(self.plant.wiring(), rotations, speed_voltage);
     }
 
     pub fn brake(&mut self) {

@@ -1,5 +1,4 @@
 use super::*;
-use rigsim_physics::mecanum::Port;
 use rigsim_settings::Settings;
 
 #[test]
@@ -7,7 +6,6 @@ fn every_default_is_allowed_and_reads_back() {
     let text = rigsim_settings::show_toml(&MecanumFirmwareSettings::default());
     let mut read = MecanumFirmwareSettings {
         baud: 9600,
-        wiring: Wiring::new([Port::X, Port::Y, Port::Z, Port::E0], [false; 4]).unwrap(),
         link_timeout: Some(S(1)),
         ..MecanumFirmwareSettings::default()
     };

@@ -207,7 +207,7 @@ fn idle_wheels_may_be_let_go_but_not_beside_others_that_turn() {
     let mut bench = with(|s| s.idle_wheels = IdleWheels::Release);
     let brakes = |bench: &Bench| {
         let commands = bench.device.commands();
-        Wheel::ALL.map(|wheel| commands.ports[bench.plugs.port(wheel).index()].brake)
+        Wheel::ALL.map(|wheel| commands.ports[wheel.port().index()].brake)
     };
     assert_eq!(brakes(&bench), [false; 4]);
     bench.go(3, 1, 500);

@@ -1,8 +1,6 @@
-//! The ten movements of the article's picture, from packet to port to wheel, for both wirings.
+//! The ten movements of the article's picture, from packet to port to wheel.
 
-use proptest::prelude::*;
-use rigsim_physics::mecanum::{MecanumCommands, Port, PortCommand, Wheel, Wiring};
-use rigsim_settings::{SettingValue, Value};
+use rigsim_physics::mecanum::{MecanumCommands, PlugSwaps, Port, PortCommand, Wheel};
 
 use super::super::kinematics::{Course, Movement, body_speed};
 use super::super::settings::AsciiLetters;
@@ -21,15 +19,6 @@ const TABLE: [(char, bool, &str, u8, [i8; 4]); 10] = [
     ('B', false, "right front", 4, [1, 0, 0, 1]),
     ('B', true, "left rear", 4, [-1, 0, 0, -1]),
 ];
-
-const WIRINGS: [(&str, [Port; 4], Port); 2] = [
-    ("x-y-e0-e1", [Port::X, Port::Y, Port::E0, Port::E1], Port::Z),
-    ("x-y-z-e0", [Port::X, Port::Y, Port::Z, Port::E0], Port::E1),
-];
-
-fn wiring(text: &str) -> Wiring {
-    Wiring::read(&Value::Text(text.to_owned()), "").unwrap()
-}
 
 fn port(commands: &MecanumCommands, port: Port) -> PortCommand {
     commands.ports[port.index()]
@@ -55,23 +44,22 @@ fn the_kinematics_give_the_table() {
 
 #[test]
 fn every_movement_drives_the_ports_of_its_wheels() {
-    for (text, ports, unused) in WIRINGS {
-        for (_, negative, name, index, rotations) in TABLE {
-            let mut bench = Bench::with(false, |s| s.wiring = wiring(text));
-            bench.go(index, 10, if negative { -300 } else { 300 });
-            let commands = bench.device.commands();
-            for wheel in 0..4 {
-                let found = port(&commands, ports[wheel]);
-                assert_eq!(found, pins(rotations[wheel]), "{name} on {text}");
-            }
-            assert_eq!(port(&commands, unused), pins(0), "{name} on {text}");
-            assert!((commands.speed_voltage - 0.6).abs() < 1e-12);
-            // A revolution at 30 r/min takes two seconds.
-            bench.run_ms(2100);
-            let wanted = rotations.map(|rotation| 10 * i64::from(rotation));
-            assert_eq!(bench.tenths(), wanted, "{name} on {text}");
-            assert!(!bench.is_driving());
+    let ports = [Port::X, Port::Y, Port::E0, Port::E1];
+    for (_, negative, name, index, rotations) in TABLE {
+        let mut bench = Bench::new();
+        bench.go(index, 10, if negative { -300 } else { 300 });
+        let commands = bench.device.commands();
+        for wheel in 0..4 {
+            let found = port(&commands, ports[wheel]);
+            assert_eq!(found, pins(rotations[wheel]), "{name}");
         }
+        assert_eq!(port(&commands, Port::Z), pins(0), "{name}");
+        assert!((commands.speed_voltage - 0.6).abs() < 1e-12);
+        // A revolution at 30 r/min takes two seconds.
+        bench.run_ms(2100);
+        let wanted = rotations.map(|rotation| 10 * i64::from(rotation));
+        assert_eq!(bench.tenths(), wanted, "{name}");
+        assert!(!bench.is_driving());
     }
 }
 
@@ -113,38 +101,22 @@ fn every_movement_moves_the_dead_reckoning_its_way() {
 }
 
 #[test]
-fn a_polarity_turns_fr_round_for_its_wheel_alone() {
-    let mut bench = Bench::with(false, |s| s.wiring = wiring("x-!y-e0-e1"));
-    bench.go(0, 10, 300);
-    let reversed: Vec<bool> = bench
-        .device
-        .commands()
-        .ports
-        .iter()
-        .map(|port| port.reverse)
-        .collect();
-    assert_eq!(reversed, [false, true, false, false, false]);
-    // Where the motor is plugged in so, the car goes straight.
-    bench.run_ms(3000);
-    assert_eq!(bench.tenths(), [10; 4]);
-}
-
-#[test]
 fn a_miswired_car_goes_elsewhere_and_its_odometry_does_not_know() {
-    for (plugs, wheels) in [
+    let straight = PlugSwaps::default();
+    for (plugs, reversed, wheels) in [
         // The front motors swapped: a strafe becomes a turn.
-        ("y-x-e0-e1", [10, -10, 10, -10]),
+        (straight.and(Port::X, Port::Y), None, [10, -10, 10, -10]),
         // One motor the wrong way round.
-        ("x-!y-e0-e1", [-10, -10, 10, -10]),
+        (straight, Some(Wheel::RightFront), [-10, -10, 10, -10]),
     ] {
         let mut bench = Bench::new();
-        bench.plugs = wiring(plugs);
+        (bench.plugs, bench.reversed) = (plugs, reversed);
         bench.go(2, 10, 300);
         bench.run_ms(2100);
-        assert_eq!(bench.tenths(), wheels, "{plugs}");
+        assert_eq!(bench.tenths(), wheels, "{plugs:?}");
         let status = bench.last_status();
         let believed = (status.axis_x, status.axis_y, status.ori);
-        assert_eq!(believed, (0, 10, 0), "{plugs}");
+        assert_eq!(believed, (0, 10, 0), "{plugs:?}");
     }
 }
 
@@ -153,7 +125,9 @@ fn a_motor_at_a_port_that_is_not_driven_holds_and_one_that_is_missed_never_arriv
     // The firmware expects the article's table, the motors are plugged in by its later line: LR is
     // at a port that only holds, RR gets what is meant for LR, and E1's wheel never counts.
     let mut bench = Bench::new();
-    bench.plugs = Wiring::new([Port::X, Port::Y, Port::Z, Port::E0], [false; 4]).unwrap();
+    bench.plugs = PlugSwaps::default()
+        .and(Port::E0, Port::Z)
+        .and(Port::E1, Port::E0);
     bench.go(2, 10, 300);
     bench.run_ms(3000);
     assert_eq!(bench.tenths(), [-10, 10, 0, 10]);
@@ -175,25 +149,7 @@ fn a_stopped_wheel_keeps_its_direction_pin() {
     let commands = bench.device.commands();
     assert_eq!(commands.speed_voltage, 0.0);
     for wheel in Wheel::ALL {
-        let pins = port(&commands, Wiring::X_Y_E0_E1.port(wheel));
+        let pins = port(&commands, wheel.port());
         assert!(pins.reverse && pins.brake);
-    }
-}
-
-proptest! {
-    #[test]
-    fn any_wiring_that_the_motors_follow_drives_the_table(
-        ports in Just(Port::ALL.to_vec()).prop_shuffle(),
-        reversed: [bool; 4],
-        row in 0usize..10,
-    ) {
-        let ports = [ports[0], ports[1], ports[2], ports[3]];
-        let wiring = Wiring::new(ports, reversed).unwrap();
-        let (_, negative, _, index, rotations) = TABLE[row];
-        let mut bench = Bench::with(false, |s| s.wiring = wiring);
-        bench.go(index, 10, if negative { -1 } else { 1 });
-        let commands = bench.device.commands();
-        let found = Wheel::ALL.map(|wheel| rotation(wiring.command(&commands, wheel)));
-        prop_assert_eq!(found, rotations);
     }
 }
