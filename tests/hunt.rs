@@ -323,7 +323,7 @@ fn files_of_others_stay() {
     };
     write(&folder, "page.html", "mine");
     let page = hunt(&["--report", "page.html"]);
-    page.expect_refusal(2, &["page.html", "no earlier run"]);
+    page.expect_refusal(2, &["page.html", "did not create"]);
     assert!(!folder.path().join("hunt").exists());
     std::fs::create_dir(folder.path().join("hunt")).unwrap();
     let link = folder.path().join("hunt/hunt.json");
