@@ -211,7 +211,10 @@ fn former_name(error: &clap::Error, words: &[OsString]) -> Option<&'static Renam
     };
     let word = word.split('=').next()?;
     let is_here = |kind| match kind {
-        Kind::Flag(command) => words.get(1).is_some_and(|word| word == command),
+        // A simulator that serves has no subcommand.
+        Kind::Flag(command) => words
+            .get(1)
+            .is_some_and(|word| word == command || word.as_encoded_bytes().starts_with(b"-")),
         kind => kind == Kind::Ctl,
     };
     renamed::find(is_here, word)
