@@ -49,14 +49,10 @@ impl Hunt<'_> {
         key: &str,
         failure: &str,
     ) -> Result<(), Failure> {
-        let of = ids(schedule);
-        let earlier = self.state.written().filter(|found| found.key == key);
-        let number = earlier.count() + 1;
-        let known = self.state.per_rule.entry(key.to_owned()).or_default();
-        let contains = |one: &Vec<String>| one.iter().all(|id| of.contains(id));
-        if number > MOST_OF_RULE || known.iter().any(contains) {
+        if self.is_known(schedule, key) {
             return Ok(());
         }
+        let of = ids(schedule);
         if self.is_unavoidable(schedule, key)? {
             self.count_unavoidable(key, failure);
             return Ok(());
@@ -101,6 +97,26 @@ impl Hunt<'_> {
         self.write(&mut found, is_cut)?;
         self.state.found.push(found);
         Ok(())
+    }
+
+    /// Returns whether findings that were written explain it, or are enough of this rule.
+    fn is_known(&self, schedule: &[Fault], key: &str) -> bool {
+        let of = ids(schedule);
+        let earlier = self.state.written().filter(|found| found.key == key);
+        let mut known = self.state.per_rule.get(key).into_iter().flatten();
+        let contains = |one: &Vec<String>| one.iter().all(|id| of.contains(id));
+        earlier.count() >= MOST_OF_RULE || known.any(contains)
+    }
+
+    /// The faults of a schedule that break the rule alone, each in a way that a client must not. Otherwise
+    /// a fault that is known, or that excuses the client, would hide another that is played with it.
+    pub(super) fn alone(&mut self, schedule: &[Fault], key: &str) -> Result<Vec<Fault>, Failure> {
+        let each = schedule.iter().map(std::slice::from_ref);
+        let new = each.filter(|one| !self.is_known(one, key) && !may_end(one, key));
+        let new: Vec<Vec<Fault>> = new.map(<[Fault]>::to_vec).collect();
+        let breaks = self.which_break(&new, key)?;
+        let alone = new.into_iter().zip(breaks).filter(|(_, breaks)| *breaks);
+        Ok(alone.flat_map(|(one, _)| one).collect())
     }
 
     fn count_unavoidable(&mut self, key: &str, failure: &str) {

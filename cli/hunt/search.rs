@@ -370,9 +370,19 @@ impl Hunt<'_> {
             count.without_verdict += u64::from(seen.error.is_some());
             count.failed += u64::from(!seen.broken.is_empty());
             let (broken, schedule) = (seen.broken.clone(), planned.schedule.clone());
+            let is_pair = planned.cells.len() > 1;
             self.learn(planned, seen);
             for (key, failure) in broken {
-                self.look_into(run, &schedule, &key, &failure)?;
+                let alone = match is_pair {
+                    true => self.alone(&schedule, &key)?,
+                    false => Vec::new(),
+                };
+                for fault in &alone {
+                    self.look_into(run, std::slice::from_ref(fault), &key, &failure)?;
+                }
+                if alone.is_empty() {
+                    self.look_into(run, &schedule, &key, &failure)?;
+                }
             }
         }
         Ok(())
@@ -390,7 +400,8 @@ impl Hunt<'_> {
         for (index, cell) in planned.cells.iter().enumerate() {
             let fault = &planned.schedule[index];
             let column = &mut state.columns[cell.0];
-            if index > 0 && seen.begun[index].is_none_or(|at| at >= seen.ended) {
+            let begun = seen.begun.get(index).copied().flatten();
+            if index > 0 && begun.is_none_or(|at| at >= seen.ended) {
                 column.arm.plays -= 1.0;
                 column.left.push(Planned {
                     schedule: vec![fault.clone()],
@@ -398,9 +409,10 @@ impl Hunt<'_> {
                     was_late: true,
                     ..Planned::default()
                 });
-            } else if seen.hit[index] {
+            } else if seen.hit.get(index) == Some(&true) {
                 column.arm.gains += gain;
-            } else {
+            } else if index == 0 {
+                // What a second fault would hit may have been gone by the first.
                 column.idle.push((cell.1, cell.2, fault.lasts));
             }
         }
