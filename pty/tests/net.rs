@@ -111,7 +111,7 @@ fn an_address_that_is_taken_or_elsewhere_is_refused_in_words() {
     let bench = Bench::new("tcp");
     for (address, word) in [
         (bench.address.as_str(), "listens there"),
-        ("192.0.2.1:1", "no address"),
+        ("192.0.2.1:1", "not an address"),
     ] {
         let refused = Port::open_at(format!("tcp://{address}"), PtySetup::raw(1));
         let error = refused.unwrap_err().to_string();
