@@ -297,7 +297,7 @@ class Simulator:
         """Simulated seconds for each second of real time."""
         speed = self.control.state()["speed"]
         if speed is None:
-            raise ControlError("in lockstep time belongs to the client and has no speed")
+            raise ControlError("in lockstep time is the client's and has no speed")
         return float(speed)
 
     @speed.setter
