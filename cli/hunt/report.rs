@@ -191,7 +191,8 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
         let all = state.tried.iter().filter_map(|tried| {
             let mut cells = tried.planned.cells.iter();
             let index = cells.position(|(of, _, at)| (*of, *at) == (kind, moment))?;
-            Some((tried.seen.hit[index], tried.seen.nearest(&state.usual)))
+            let hit = tried.seen.hit.get(index) == Some(&true);
+            Some((hit, tried.seen.nearest(&state.usual)))
         });
         let mut all = all.peekable();
         all.peek()?;
