@@ -52,14 +52,14 @@ impl MotorFaults {
     }
 }
 
-/// Faults of a vehicle as a body. They lie over what was set otherwise.
+/// Faults of a vehicle as a body.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BodyFaults {
     /// Most friction that the ground under the wheels gives.
     pub friction: Option<f64>,
-    /// Payload added, kg.
+    /// Payload on the deck, kg.
     pub payload: f64,
-    /// Push added.
+    /// Push.
     pub push: Wrench,
 }
 

@@ -98,9 +98,7 @@ impl MecanumPlant {
             inertia: drive.gear.inertia,
         };
         let body = world.add_body(name, shape, pose);
-        let deck = &settings.body;
-        let carried = (deck.length, deck.payload);
-        let body = VehicleBody::new(world, body, carried, BOUNDS);
+        let body = VehicleBody::new(world, body, settings.body.length, BOUNDS);
         let mut sensors = Sensors::new(settings);
         sensors.look(world, body.id(), body.motion());
         Self {
@@ -220,7 +218,7 @@ impl Plant for MecanumPlant {
     }
 
     fn apply_payload(&mut self, world: &mut World) {
-        let payload = self.body.total_payload();
+        let payload = self.body.faults().payload;
         self.drive.set_payload(&self.settings, payload);
         let gear = &self.drive.gear;
         world.set_mass(self.body.id(), gear.mass, gear.inertia);

@@ -88,12 +88,6 @@ pub trait Plant {
         self.vehicle_mut().wake();
     }
 
-    /// Puts a payload on the deck, kg.
-    fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.vehicle_mut().set_payload(payload);
-        self.apply_payload(world);
-    }
-
     /// Replaces all that is wrong with it as a body.
     fn set_body_faults(&mut self, world: &mut World, faults: &BodyFaults) {
         self.vehicle_mut().set_faults(faults);

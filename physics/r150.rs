@@ -97,9 +97,7 @@ impl R150Plant {
             inertia: drive.gear.inertia,
         };
         let body = world.add_body(name, shape, pose);
-        let deck = &settings.body;
-        let carried = (deck.length, deck.payload);
-        let body = VehicleBody::new(world, body, carried, BOUNDS);
+        let body = VehicleBody::new(world, body, settings.body.length, BOUNDS);
         let mut plant = Self {
             settings: settings.clone(),
             body,
@@ -314,7 +312,7 @@ impl Plant for R150Plant {
     }
 
     fn apply_payload(&mut self, world: &mut World) {
-        let payload = self.body.total_payload();
+        let payload = self.body.faults().payload;
         self.drive.set_payload(&self.settings, payload);
         let gear = &self.drive.gear;
         world.set_mass(self.body.id(), gear.mass, gear.inertia);

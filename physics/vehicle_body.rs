@@ -1,6 +1,6 @@
 //! Body of every vehicle: place, payload, pushes, standing still.
 
-use crate::faults::{BodyFaults, Bounds, number};
+use crate::faults::{BodyFaults, Bounds};
 use crate::pose::{BodyMotion, Pose};
 use crate::twist::{Twist, Wrench};
 use crate::world::{BodyId, World};
@@ -20,8 +20,6 @@ pub struct VehicleBody {
     motion: BodyMotion,
     /// m.
     distance: f64,
-    /// kg, without what faults add.
-    payload: f64,
     faults: BodyFaults,
     /// For how long it has been slow enough to stand, s.
     settled: f64,
@@ -29,15 +27,14 @@ pub struct VehicleBody {
 }
 
 impl VehicleBody {
-    /// Of a body that stands; `length` in m, `payload` in kg.
-    pub fn new(world: &World, id: BodyId, (length, payload): (f64, f64), bounds: Bounds) -> Self {
+    /// Of a body that stands; `length` in m.
+    pub fn new(world: &World, id: BodyId, length: f64, bounds: Bounds) -> Self {
         Self {
             id,
             bounds,
             half_length: length / 2.0,
             motion: world.motion(id),
             distance: 0.0,
-            payload,
             faults: BodyFaults::default(),
             settled: 0.0,
             resting: false,
@@ -66,12 +63,6 @@ impl VehicleBody {
         self.resting
     }
 
-    /// Puts a payload on the deck, kg. The plant changes the body's mass.
-    pub fn set_payload(&mut self, payload: f64) {
-        self.payload = number(payload).clamp(0.0, self.bounds.payload);
-        self.wake();
-    }
-
     /// Force and torque that push it.
     pub fn push(&self) -> Wrench {
         self.faults.push
@@ -94,11 +85,6 @@ impl VehicleBody {
     pub fn set_faults(&mut self, faults: &BodyFaults) {
         self.faults = faults.within(self.bounds);
         self.wake();
-    }
-
-    /// Mass that it carries with what faults add, kg.
-    pub fn total_payload(&self) -> f64 {
-        self.payload + self.faults.payload
     }
 
     /// Most friction that the ground gives it, if a fault bounds it.

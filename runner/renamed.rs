@@ -67,6 +67,8 @@ pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Name, "client.travel_since_motion_m", "truth.distance_m"),
     renamed(Kind::Name, "client.motions", "count.command_motion and count.command_line_X, …"),
     renamed(Kind::Setting, "r150.battery.pack_resistance", "r150.battery.resistance"),
+    renamed(Kind::Setting, "r150.body.payload", "fault = { kind = \"payload\", mass = … }"),
+    renamed(Kind::Setting, "mecanum.body.payload", "fault = { kind = \"payload\", mass = … }"),
     renamed(Kind::Setting, "mecanum.wiring", "fault = { kind = \"ports-swapped\", … }"),
     renamed(Kind::Setting, "mecanum.plugs", "fault = { kind = \"ports-swapped\", … }"),
     renamed(Kind::Setting, "r150.measurement_noise", "r150.noise.voltage, .current, .temperature and .speed"),

@@ -59,9 +59,8 @@ impl Differential {
             inertia: inertia(shape, shape.mass),
         };
         let id = world.add_body(name, body, pose);
-        let carried = (shape.length, 0.0);
         Self {
-            body: VehicleBody::new(world, id, carried, BOUNDS),
+            body: VehicleBody::new(world, id, shape.length, BOUNDS),
             shape,
             wanted: [0.0; 2],
             speed: [0.0; 2],
@@ -94,7 +93,7 @@ impl Plant for Differential {
     }
 
     fn mass(&self) -> f64 {
-        self.shape.mass + self.body.total_payload()
+        self.shape.mass + self.body.faults().payload
     }
 
     fn apply_payload(&mut self, world: &mut World) {

@@ -86,7 +86,7 @@ impl Drive {
             gear_friction: settings.motor.gear_friction,
             brake_torque: settings.motor.brake_torque,
         };
-        drive.set_payload(settings, body.payload);
+        drive.set_payload(settings, 0.0);
         drive
     }
 

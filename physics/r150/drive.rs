@@ -82,7 +82,7 @@ impl Drive {
             stiction: motor.stiction,
             brake_torque: motor.brake_torque,
         };
-        drive.set_payload(settings, body.payload);
+        drive.set_payload(settings, 0.0);
         drive
     }
 

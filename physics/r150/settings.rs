@@ -46,8 +46,6 @@ rigsim_settings::settings! {
             assumed "a uniform box of that mass and size, a little more for the wheels";
         /// Height of the centre of mass above the ground, without payload.
         centre_of_mass_height: f64 = 0.35, unit "m", range 0.0..=2.0, assumed "batteries sit low";
-        /// Payload at the start.
-        payload: f64 = 0.0, unit "kg", range 0.0..=1000.0, assumed "empty unless chosen";
         /// Height of the payload's centre of mass above the ground.
         payload_height: f64 = 0.7, unit "m", range 0.0..=3.0, assumed "on the deck";
         /// Place of the payload ahead of the middle.

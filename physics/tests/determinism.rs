@@ -7,7 +7,7 @@
 mod common;
 
 use common::TICK;
-use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::r150::{Load, Rail, Side, Sides};
 use rigsim_physics::world::Obstacle;
 use rigsim_physics::{
@@ -106,7 +106,11 @@ fn digest() -> u64 {
         ..MotorFaults::default()
     };
     scene.plants[1].set_side_faults(Side::Left, dragging);
-    scene.plants[0].set_payload(&mut scene.world, 90.0);
+    let loaded = BodyFaults {
+        payload: 90.0,
+        ..BodyFaults::default()
+    };
+    scene.plants[0].set_body_faults(&mut scene.world, &loaded);
     scene.drive([(0.8, 0.2), (-0.5, -0.9)], 400, |_| {});
     scene.drive([(0.0, 0.0), (0.0, 0.0)], 600, |commands| {
         commands.parking_brake = true;

@@ -12,8 +12,8 @@ use common::{Bench, FRICTION};
 use rigsim_physics::mecanum::MecanumFaults;
 use rigsim_physics::r150::Sides;
 use rigsim_physics::{
-    BodyShape, Ground, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
-    R150PlantSettings, World, WorldSettings,
+    BodyShape, Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World,
+    WorldSettings,
 };
 
 /// A vehicle whose sides are alike.
@@ -199,9 +199,8 @@ fn disagreement() -> [f64; 2] {
 }
 
 fn strafe_share(payload: f64) -> f64 {
-    let mut settings = MecanumPlantSettings::default();
-    settings.body.payload = payload;
-    let mut car = Car::with(&settings);
+    let mut car = Car::new();
+    car.load(payload);
     car.turn([-1, 1, 1, -1], 0.6);
     car.run(5.0);
     car.plant.truth().motion.distance / car.by_wheels()[1]
@@ -231,9 +230,8 @@ fn coasting(sideways: bool) -> f64 {
 
 /// How much of the load of its rear wheels the car loses when it brakes at full speed, %.
 fn lifted_in_braking(payload: f64) -> f64 {
-    let mut settings = MecanumPlantSettings::default();
-    settings.body.payload = payload;
-    let mut car = Car::with(&settings);
+    let mut car = Car::new();
+    car.load(payload);
     car.turn([1; 4], 1.0);
     car.run(1.0);
     let rear = |car: &Car| {

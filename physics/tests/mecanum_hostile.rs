@@ -29,7 +29,6 @@ enum Action {
     Faults(usize, MotorFaults),
     CarFaults(Box<MecanumFaults>),
     Body(BodyFaults),
-    Payload(f64),
     Push(f64, f64, f64),
     Place(f64, f64, f64),
     Ground(f64, f64, f64),
@@ -74,7 +73,6 @@ fn any_action() -> impl Strategy<Value = Action> {
         2 => (0..WHEELS, any_motor_faults(USUAL)).prop_map(|(wheel, faults)| Action::Faults(wheel, faults)),
         1 => any_car_faults().prop_map(|faults| Action::CarFaults(Box::new(faults))),
         1 => any_body_faults(USUAL).prop_map(Action::Body),
-        1 => n().prop_map(Action::Payload),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
         1 => (-3.0..7.0, -3.5..3.5, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
         1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
@@ -103,7 +101,6 @@ fn apply(car: &mut Car, action: &Action) {
         Action::Faults(wheel, faults) => plant.set_wheel_faults(Wheel::ALL[wheel], faults),
         Action::CarFaults(faults) => plant.set_faults(&faults),
         Action::Body(faults) => plant.set_body_faults(world, &faults),
-        Action::Payload(mass) => plant.set_payload(world, mass),
         Action::Push(ahead, left, turn) => plant.set_push(Wrench { ahead, left, turn }),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Ground(friction, slope, uphill) => {

@@ -478,12 +478,13 @@ fn each_wheel_stands_on_its_own_ground() {
     assert!(car.world.ground_at(0.0, -0.12).friction() > 0.5);
 }
 
-/// Heading in degrees and share of the wheels' way after a strafe of 6 s at full speed.
-fn strafe(change: impl FnOnce(&mut MecanumPlantSettings)) -> (f64, f64) {
+/// Heading in degrees and share of the wheels' way after a strafe of 6 s at full speed, with a payload in kg.
+fn strafe(payload: f64, change: impl FnOnce(&mut MecanumPlantSettings)) -> (f64, f64) {
     let mut settings = MecanumPlantSettings::default();
     (settings.tolerance.wheel, settings.tolerance.motor) = (0.0, 0.0);
     change(&mut settings);
     let mut car = Car::with(&settings);
+    car.load(payload);
     car.turn(LEFT, 1.0);
     car.run(6.0);
     let way = car.plant.truth().motion.distance;
@@ -492,9 +493,9 @@ fn strafe(change: impl FnOnce(&mut MecanumPlantSettings)) -> (f64, f64) {
 
 #[test]
 fn rollers_that_drag_unlike_turn_a_strafing_car() {
-    let (none, _) = strafe(|s| s.wheel.roller_spread = 0.0);
-    let (usual, _) = strafe(|_| ());
-    let (much, _) = strafe(|s| s.wheel.roller_spread = 50.0);
+    let (none, _) = strafe(0.0, |s| s.wheel.roller_spread = 0.0);
+    let (usual, _) = strafe(0.0, |_| ());
+    let (much, _) = strafe(0.0, |s| s.wheel.roller_spread = 50.0);
     println!("6 s of strafing turn it by {none:.3}, {usual:.3} and {much:.3} deg");
     assert!(none.abs() < 1e-6);
     assert!((0.02..8.0).contains(&usual.abs()));
@@ -503,12 +504,9 @@ fn rollers_that_drag_unlike_turn_a_strafing_car() {
 
 #[test]
 fn a_loaded_car_loses_more_of_a_strafe() {
-    let (_, empty) = strafe(|_| ());
-    let (_, loaded) = strafe(|s| s.body.payload = 8.0);
-    let (_, even) = strafe(|s| {
-        s.body.payload = 8.0;
-        s.wheel.roller_drag_growth = 0.0;
-    });
+    let (_, empty) = strafe(0.0, |_| ());
+    let (_, loaded) = strafe(8.0, |_| ());
+    let (_, even) = strafe(8.0, |s| s.wheel.roller_drag_growth = 0.0);
     println!(
         "a strafe moves {empty:.3} of the wheels' way empty, {loaded:.3} loaded, {even:.3} without growth"
     );
@@ -548,9 +546,9 @@ fn it_leans_backward_when_it_starts_and_to_the_right_when_it_starts_to_the_left(
 fn a_tall_load_would_tip_it_when_it_brakes_and_a_low_one_not() {
     for (height, tips) in [(0.2, false), (0.6, true)] {
         let mut settings = MecanumPlantSettings::default();
-        settings.body.payload = 8.0;
         settings.body.payload_height = height;
         let mut car = Car::with(&settings);
+        car.load(8.0);
         car.turn(FORWARD, 1.0);
         car.run(1.0);
         assert!(!car.plant.is_tipping());
@@ -565,13 +563,13 @@ fn a_load_beside_the_middle_presses_its_wheels_and_turns_a_strafing_car() {
     let place = |ahead, left| {
         move |settings: &mut MecanumPlantSettings| {
             settings.wheel.roller_spread = 0.0;
-            settings.body.payload = 8.0;
             (settings.body.payload_ahead, settings.body.payload_left) = (ahead, left);
         }
     };
     let mut settings = MecanumPlantSettings::default();
     place(0.05, -0.03)(&mut settings);
     let mut car = Car::with(&settings);
+    car.load(8.0);
     car.run(0.5);
     // 8 kg, each by its way from the middle over that of the wheels.
     let weight = 8.0 * 9.80665;
@@ -580,9 +578,9 @@ fn a_load_beside_the_middle_presses_its_wheels_and_turns_a_strafing_car() {
     assert!((left - weight * -0.03 / 0.12).abs() < 0.1, "{left} N");
     // Strafing to the left, the left front wheel pulls back and the right one ahead, which turns it to the
     // left, and the rear ones to the right: those with the greater load win.
-    let (middle, _) = strafe(place(0.0, 0.0));
-    let (nose, _) = strafe(place(0.05, 0.0));
-    let (tail, _) = strafe(place(-0.05, 0.0));
+    let (middle, _) = strafe(8.0, place(0.0, 0.0));
+    let (nose, _) = strafe(8.0, place(0.05, 0.0));
+    let (tail, _) = strafe(8.0, place(-0.05, 0.0));
     println!("strafing to the left it turns by {middle:.3}, {nose:.3} and {tail:.3} deg");
     assert!(middle.abs() < 1e-6 && nose > 5.0 && tail < -5.0);
 }

@@ -228,13 +228,12 @@ fn a_stop_takes_as_far_with_a_full_battery() {
 
 #[test]
 fn no_two_vehicles_drive_alike_and_none_drives_straight() {
-    let beside = |name: &str, tolerance: f64, payload: f64| {
+    let beside = |name: &str, tolerance: f64, left: f64| {
         use rigsim_physics::{Pose, R150Plant, World, WorldSettings};
         let mut settings = R150PlantSettings::default();
         settings.tolerance.motor *= tolerance;
         settings.tolerance.wheel *= tolerance;
-        settings.body.payload = 100.0;
-        settings.body.payload_left = payload;
+        settings.body.payload_left = left;
         let mut world = World::new(&WorldSettings::default());
         let plant = R150Plant::with_name(name, &settings, &mut world, Pose::default());
         let mut bench = Bench {
@@ -242,6 +241,7 @@ fn no_two_vehicles_drive_alike_and_none_drives_straight() {
             plant,
             commands: rigsim_physics::R150Commands::default(),
         };
+        bench.load(100.0);
         bench.drive(1.0, 1.0);
         bench.run_while(60.0, |bench| bench.plant.truth().motion.distance < 50.0);
         bench.plant.truth().motion.pose.y
@@ -268,7 +268,8 @@ fn no_two_vehicles_drive_alike_and_none_drives_straight() {
 #[test]
 fn placed_on_a_slope_it_tips_from_the_first_step_on_or_never() {
     for (degrees, tips) in [(30.2, false), (31.0, false), (31.4, true)] {
-        let mut bench = with(|s| s.body.payload = 150.0);
+        let mut bench = Bench::new();
+        bench.load(150.0);
         bench
             .world
             .set_ground(Ground::new(1.2, f64::to_radians(degrees), 0.0));
@@ -292,10 +293,8 @@ fn loaded_it_begins_to_tip_where_geometry_says() {
         // Further back it tips earlier.
         (25.0, 150.0, -0.2, true),
     ] {
-        let mut bench = with(|s| {
-            s.body.payload = payload;
-            s.body.payload_ahead = ahead;
-        });
+        let mut bench = with(|s| s.body.payload_ahead = ahead);
+        bench.load(payload);
         bench
             .world
             .set_ground(Ground::new(1.2, f64::to_radians(degrees), 0.0));
@@ -326,7 +325,6 @@ fn the_height_of_its_centre_of_mass_says_on_which_slope_it_tips() {
 fn a_weak_parking_brake_lets_it_roll_down_a_slope() {
     for (torque, stands) in [(200.0, true), (20.0, false)] {
         let mut bench = with(|s| {
-            s.body.payload = 0.0;
             s.motor.brake_torque = torque;
             s.motor.gear_friction = 0.0;
         });

@@ -23,7 +23,6 @@ enum Action {
     Drive(f64, f64),
     Switches(bool, bool, [bool; 6]),
     Wire(usize, Load),
-    Payload(f64),
     Push(f64, f64, f64),
     Place(f64, f64, f64),
     Faults(bool, MotorFaults),
@@ -78,7 +77,6 @@ fn any_action() -> impl Strategy<Value = Action> {
         4 => (n(), n()).prop_map(|(right, left)| Action::Drive(right, left)),
         2 => any::<(bool, bool, [bool; 6])>().prop_map(|(power, brake, rails)| Action::Switches(power, brake, rails)),
         2 => (0_usize..6, any_load()).prop_map(|(rail, load)| Action::Wire(rail, load)),
-        1 => n().prop_map(Action::Payload),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
         1 => (-50.0..50.0, -50.0..50.0, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
         2 => (any::<bool>(), any_motor_faults(USUAL)).prop_map(|(left, faults)| Action::Faults(left, faults)),
@@ -101,7 +99,6 @@ fn apply(bench: &mut Bench, action: &Action) {
             commands.rail_on = rail_on;
         }),
         Action::Wire(rail, load) => plant.set_load(Rail::ALL[rail], load),
-        Action::Payload(mass) => plant.set_payload(world, mass),
         Action::Push(ahead, left, turn) => plant.set_push(Wrench { ahead, left, turn }),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Faults(left, faults) => {

@@ -150,9 +150,8 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
     story.bench.plant.set_load(Rail::V48, Load::Resistance(6.0));
     story.drive(0.5, 0.6, 1.0);
     story.drive(1.0, -0.4, 1.0);
-    let Bench { world, plant, .. } = &mut story.bench;
-    plant.set_payload(world, 80.0);
-    plant.set_load(Rail::V12B, Load::Short);
+    story.bench.load(80.0);
+    story.bench.plant.set_load(Rail::V12B, Load::Short);
     story.drive(-1.0, -0.8, 1.0);
     story.bench.plant.set_load(Rail::V12B, Load::Open);
     story.drive(0.0, 0.0, 1.5);
@@ -314,7 +313,7 @@ fn rolls(settings: &MecanumPlantSettings) -> Vec<String> {
     run(&mut car, 1.0);
     car.turn([-1, 1, 1, -1], 0.7);
     run(&mut car, 1.0);
-    car.plant.set_payload(&mut car.world, 5.0);
+    car.load(5.0);
     car.turn([1, -1, 1, -1], 0.5);
     run(&mut car, 0.5);
     car.turn([1; 4], 0.0);

@@ -5,6 +5,7 @@ mod mecanum;
 use std::time::Duration;
 
 use proptest::prelude::*;
+use rigsim_physics::faults::BodyFaults;
 use rigsim_physics::r150::Load;
 
 use super::*;
@@ -47,6 +48,17 @@ fn rig_with(wire: Wire, seed: u64, change: impl FnOnce(&mut R150Settings)) -> Ri
 
 fn rig(wire: Wire) -> Rig {
     rig_with(wire, 1, |_| {})
+}
+
+/// Puts a payload on the deck of the first device, kg.
+fn load(rig: &mut Rig, payload: f64) {
+    let faults = BodyFaults {
+        payload,
+        ..BodyFaults::default()
+    };
+    rig.with_any_device(0, |device, world, _| {
+        device.plant_mut().set_body_faults(world, &faults);
+    });
 }
 
 fn codes(rig: &mut Rig) -> Vec<&'static str> {
@@ -194,9 +206,9 @@ fn a_motor_that_gets_hot_is_limited_shut_off_and_cools_and_each_is_reported() {
 fn a_load_behind_the_axle_would_tip_it_which_is_reported_once() {
     for (ahead, reported) in [(-0.1, 0), (-2.0, 1)] {
         let mut rig = rig_with(Wire::Instant, 1, |settings| {
-            settings.plant.body.payload = 150.0;
             settings.plant.body.payload_ahead = ahead;
         });
+        load(&mut rig, 150.0);
         rig.advance(SimTime::from_millis(2000)).unwrap();
         let tipping = codes(&mut rig)
             .into_iter()

@@ -3,7 +3,7 @@
 #![allow(unreachable_pub, reason = "shared by including the file")]
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
-use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::mecanum::{MecanumFaults, PlugSwaps, WHEELS, Wheel};
 use rigsim_physics::{
     Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World,
@@ -69,6 +69,15 @@ impl Car {
         };
         car.plant.set_faults(&faults);
         car
+    }
+
+    /// Puts a payload on the deck, kg.
+    pub fn load(&mut self, payload: f64) {
+        let faults = BodyFaults {
+            payload,
+            ..*self.plant.vehicle().faults()
+        };
+        self.plant.set_body_faults(&mut self.world, &faults);
     }
 
     /// What the firmware does to turn the wheels so.

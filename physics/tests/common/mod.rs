@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use rigsim_physics::faults::BodyFaults;
 use rigsim_physics::r150::Sides;
 use rigsim_physics::{
     Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
@@ -49,8 +50,17 @@ impl Bench {
         bench
             .world
             .set_ground(Ground::new(FRICTION, degrees.to_radians(), 0.0));
-        bench.plant.set_payload(&mut bench.world, payload);
+        bench.load(payload);
         bench
+    }
+
+    /// Puts a payload on the deck, kg.
+    pub fn load(&mut self, payload: f64) {
+        let faults = BodyFaults {
+            payload,
+            ..*self.plant.vehicle().faults()
+        };
+        self.plant.set_body_faults(&mut self.world, &faults);
     }
 
     pub fn drive(&mut self, right: f64, left: f64) {

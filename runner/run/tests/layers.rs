@@ -66,10 +66,8 @@ fn flags(device: &str, flag: &str, added: &[&str], cleared: &[usize], expected: 
 
 #[test]
 fn what_was_before_comes_back_when_a_step_ends() {
-    let payload =
-        "[[device]]\nkind = \"r150\"\nsettings = { \"body.payload\" = \"100 kg\" }\n".to_owned();
-    let during = expect("truth.mass_kg == 280");
-    let after = expect("truth.mass_kg == 230");
+    let during = expect("truth.mass_kg == 180");
+    let after = expect("truth.mass_kg == 130");
     let lines = [
         (
             "0.5s",
@@ -79,7 +77,7 @@ fn what_was_before_comes_back_when_a_step_ends() {
         ("1s", "", during.as_str()),
         ("2s", "", after.as_str()),
     ];
-    passes(&play(&text(&payload, "3s", &steps(&lines)), 1));
+    passes(&r150("3s", &steps(&lines)));
 
     let unlocked = expect("!mode.locked");
     let lines = [

@@ -119,9 +119,9 @@ fn ten_tenths_forward_turn_each_wheel_once_on_either_link() {
 fn a_tall_load_that_would_tip_it_is_reported_of_once() {
     for (height, reported) in [(0.2, 0), (0.6, 1)] {
         let mut rig = car_in(WorldMap::default(), false, |settings| {
-            settings.plant.body.payload = 8.0;
             settings.plant.body.payload_height = height;
         });
+        load(&mut rig, 8.0);
         let now = rig.now();
         // It is held at the end of its way.
         rig.client_sends(MAIN, now, &motion(0, 10, 500)).unwrap();
