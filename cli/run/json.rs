@@ -10,6 +10,7 @@ use crate::supervise::ClientEnd;
 use crate::visible;
 
 use super::case::{Case, CaseResult, Played};
+use super::view::View;
 
 /// Writes it beside the trace, if anything is to be written.
 pub(crate) fn write(case: &Case<'_>, result: &CaseResult) -> Result<(), Failure> {
@@ -65,10 +66,11 @@ fn client(case: &Case<'_>, played: &Played) -> Value {
 
 /// A result, without what was only counted.
 pub(crate) fn verdict(scenario: &Scenario, result: &CaseResult) -> Value {
+    let view = View::new(scenario, result, true);
     let mut value = json!({
         "code": "verdict",
-        "verdict": result.verdict.as_str(),
-        "why": result.why,
+        "verdict": view.verdict.as_str(),
+        "why": view.why,
         "title": scenario.title,
         "description": scenario.description,
         "good_client": scenario.good_client,
@@ -87,15 +89,15 @@ pub(crate) fn verdict(scenario: &Scenario, result: &CaseResult) -> Value {
     value["client_report"] = report.collect();
     value["seed"] = json!(outcome.seed);
     value["time_s"] = json!(outcome.ended_at.as_secs_f64());
-    value["failures"] = json!(outcome.failures);
+    value["failures"] = json!(view.failures);
     value["more_failures"] = json!(outcome.more_failures);
     value["faults"] = json!(outcome.faults);
-    let first = outcome.failures.first();
+    let first = view.failures.first();
     value["armed"] = json!(first.map_or(&[][..], |failure| &failure.context.armed));
     value["margins"] = json!(outcome.margins);
-    value["not_judged"] = json!(outcome.not_judged);
-    value["not_applicable"] = json!(outcome.not_applicable);
-    value["stalled"] = played.stalled.map_or(Value::Null, |stalled| {
+    value["not_judged"] = json!(view.not_judged);
+    value["not_applicable"] = json!(view.not_applicable);
+    value["stalled"] = view.stalled.map_or(Value::Null, |stalled| {
         json!({
             "times": stalled.times,
             "total_s": stalled.total.as_secs_f64(),

@@ -205,10 +205,10 @@ pub(super) fn suite(name: &str, class: &str, title: &str, view: &View<'_>) -> Te
         Verdict::Failed => "scenario",
         verdict => verdict.as_str(),
     };
-    let reason = view.reason.as_deref().unwrap_or_default();
+    let reason = view.reason().unwrap_or_default();
     let mut lines = view.lines();
     lines.extend(view.notes.iter().map(ToString::to_string));
-    let status = status(view.verdict, kind, reason, &lines);
+    let status = status(view.verdict, kind, &reason, &lines);
     let mut test = TestCase::new(visible::line(title), status);
     // Shown as a tree by its dots.
     test.set_classname(format!("sim.{}", text(class).replace('.', "_")));

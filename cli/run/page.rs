@@ -169,7 +169,7 @@ impl Row {
             title: title.to_owned(),
             verdict: view.verdict,
             inside: (!view.notes.is_empty()).then(|| inside.into_string()),
-            says: view.reason.or(view.summary).unwrap_or_default(),
+            says: view.reason().or(view.summary).unwrap_or_default(),
             seed: None,
             time: None,
         }

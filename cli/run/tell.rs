@@ -107,8 +107,8 @@ pub(crate) fn written(client: &PlayedClient) -> String {
 /// Verdict and reason, and notes below them.
 pub(crate) fn brief(name: &str, view: &View<'_>) -> String {
     let (heading, name) = (view.verdict.heading(), visible::line(name));
-    let reason = view.reason.as_deref().unwrap_or_default();
-    let mut text = format!("{heading:<7} {name}: {}", visible::line(reason));
+    let reason = view.reason().unwrap_or_default();
+    let mut text = format!("{heading:<7} {name}: {}", visible::line(&reason));
     for note in &view.notes {
         let _ = write!(text, "\n  {}", visible::line(&note.to_string()));
     }

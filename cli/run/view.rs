@@ -1,4 +1,5 @@
-//! What there is to say of a case, for everything that shows it: terminal, JUnit, JSON, page.
+//! What there is to say of a case, for everything that shows its outcome: terminal, JUnit, JSON, page.
+//! [`summary`](crate::summary) is of devices that are served, which need not have one.
 
 use std::fmt;
 
@@ -13,14 +14,17 @@ use super::case::{CaseResult, PlayedClient, Verdict};
 /// A case, or cases that have something in common.
 pub(crate) struct View<'a> {
     pub(crate) verdict: Verdict,
-    /// Reason for a verdict other than `passed`, in a line: the first cause, if there are several.
-    pub(crate) reason: Option<String>,
+    /// Reason other than failures, in a line.
+    pub(crate) why: Option<String>,
     /// What the scenario is about, of a failure.
     pub(crate) about: Option<&'a str>,
     /// Behaviour of a good client, of a failure.
     pub(crate) expected: Option<&'a str>,
     /// Failures, causes first.
     pub(crate) failures: &'a [Failure],
+    pub(crate) not_applicable: &'a [String],
+    pub(crate) not_judged: &'a [String],
+    pub(crate) stalled: Option<Stalls>,
     /// What is so besides.
     pub(crate) notes: Vec<Note>,
     /// Counts of what happened, of what was played.
@@ -42,13 +46,16 @@ impl fmt::Display for Note {
 
 impl<'a> View<'a> {
     /// Nothing but a verdict and its reason.
-    pub(crate) fn bare(verdict: Verdict, reason: Option<String>) -> Self {
+    pub(crate) fn bare(verdict: Verdict, why: Option<String>) -> Self {
         Self {
             verdict,
-            reason,
+            why,
             about: None,
             expected: None,
             failures: &[],
+            not_applicable: &[],
+            not_judged: &[],
+            stalled: None,
             notes: Vec::new(),
             summary: None,
             client: None,
@@ -79,15 +86,10 @@ impl<'a> View<'a> {
             view.about = scenario.description.as_deref();
             view.expected = Some(scenario.good_client.as_str());
         }
-        let first = || {
-            let failure = outcome.failures.first().map(ToString::to_string);
-            failure.or_else(|| outcome.not_applicable.first().cloned())
-        };
-        view.reason = view.reason.or_else(first);
-        view.add_notes(
-            "not applicable",
-            outcome.not_applicable.iter().map(String::clone),
-        );
+        view.not_applicable = &outcome.not_applicable;
+        view.not_judged = &outcome.not_judged;
+        view.stalled = played.stalled;
+        view.add_notes("not applicable", view.not_applicable.iter().cloned());
         if let Some(client) = view.client {
             let outside = client.outside.iter();
             let addresses = client.random_addresses.then_some("addresses are random");
@@ -98,7 +100,7 @@ impl<'a> View<'a> {
                     .chain(addresses.map(str::to_owned)),
             );
             view.add_notes("refused", client.refused.iter().map(String::clone));
-            // Every client tries some of them, and starts helpers.
+            // A client that passes did without them, and may leave helpers behind.
             let failed = |names: &[String]| {
                 let names = Some(names.join(", ")).filter(|names| !names.is_empty());
                 names.filter(|_| !outcome.passed).into_iter()
@@ -106,7 +108,7 @@ impl<'a> View<'a> {
             view.add_notes(
                 "missing",
                 failed(&client.missing).map(|calls| {
-                    format!("{calls} fails in lockstep, as on an older system (ENOSYS)")
+                    format!("lockstep answers {calls} with ENOSYS, as an older system does")
                 }),
             );
             let left = failed(&client.left);
@@ -138,9 +140,16 @@ impl<'a> View<'a> {
             });
             view.add_notes("client report", words);
         }
-        view.add_notes("not judged", outcome.not_judged.iter().map(String::clone));
-        view.add_notes("stalled", played.stalled.and_then(stall).into_iter());
+        view.add_notes("not judged", view.not_judged.iter().cloned());
+        view.add_notes("stalled", view.stalled.and_then(stall).into_iter());
         view
+    }
+
+    /// Reason for a verdict other than `passed`, in a line: the first cause, if there are several.
+    pub(crate) fn reason(&self) -> Option<String> {
+        let failure = self.failures.first().map(ToString::to_string);
+        let first = failure.or_else(|| self.not_applicable.first().cloned());
+        self.why.clone().or(first)
     }
 
     pub(crate) fn add_notes(&mut self, label: &'static str, texts: impl Iterator<Item = String>) {

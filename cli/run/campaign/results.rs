@@ -108,7 +108,7 @@ impl Results {
             verdict: result.verdict,
             signature: result.why.as_ref().or(what).map(|what| signature(what)),
             kind: failed.map(|failure| failure.kind),
-            reason: View::new(&case.loaded.scenario, result, case.is_live()).reason,
+            reason: View::new(&case.loaded.scenario, result, case.is_live()).reason(),
             simulated_s: played.map_or(0.0, |played| played.outcome.ended_at.as_secs_f64()),
             margins: margins.collect(),
             trace: played.and_then(|played| played.trace.clone()),
