@@ -7,6 +7,8 @@ use rigsim_core::event::{Event, EventKind};
 use rigsim_core::line::{ClientLine, LineEvent};
 use rigsim_core::rig::PortId;
 
+use super::agenda::Item;
+use super::published::{MOST_LINE, MOST_LINES, PublishError, TOO_MANY_LINES, read};
 use super::record::{Hexed, Record};
 use super::{NANOSECOND, Run, RunError};
 
@@ -64,6 +66,45 @@ impl Run {
             bytes: Hexed(bytes.to_vec()),
         });
         self.instant(at, |rig| rig.client_puts(port, bytes))
+    }
+
+    /// The client publishes numbers: `x=1.2 y=0.4`, or an object as JSON. Conditions know them as
+    /// `client.x` and `client.y` from then on. A line that is not used changes nothing and is the
+    /// event `bad_publication`; of lines that are too many, only the first of each second.
+    ///
+    /// # Errors
+    /// When the simulation cannot go on. Within that, says why the line is not used.
+    pub fn publish(
+        &mut self,
+        now: SimTime,
+        line: &str,
+    ) -> Result<Result<(), PublishError>, RunError> {
+        let earliest = self.situation.rig.now() + NANOSECOND;
+        let lines = self.published.count(now.max(earliest));
+        if lines > MOST_LINES + 1 {
+            return Ok(Err(TOO_MANY_LINES));
+        }
+        let Some(at) = self.go_before(now)? else {
+            return Ok(Ok(()));
+        };
+        let known = &self.situation.published;
+        let values = match lines {
+            ..=MOST_LINES => self.in_scope(|scope| read(line, known, scope)),
+            _ => Err(TOO_MANY_LINES),
+        };
+        self.record(|| Record::Publish {
+            t: at.as_nanos(),
+            line: line.chars().take(MOST_LINE + 1).collect(),
+        });
+        let port = self.ports.ids.first().copied();
+        let used = values.map(|values| self.situation.published.extend(values));
+        self.agenda.plan(at, Item::Judge);
+        self.instant(at, |rig| {
+            if let (Err(PublishError(why)), Some(port)) = (used, port) {
+                rig.emit_line_event(port, LineEvent::BadPublication { why });
+            }
+        })?;
+        Ok(used)
     }
 
     /// The client has set its end of the line, at the present time; after the end of the run that

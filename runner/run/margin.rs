@@ -4,10 +4,9 @@ use std::time::Duration;
 
 use rigsim_core::SimTime;
 
-use super::Run;
 use super::outcome::Margin;
 use crate::condition::{Condition, Situation};
-use crate::scenario::{Rule, StepAction};
+use crate::scenario::Rule;
 
 /// Shortest time between two measurements of a distance; far from the limit it is ten times as long.
 const EVERY: Duration = Duration::from_millis(20);
@@ -77,19 +76,4 @@ impl Slack {
 pub(super) fn distance(condition: &Condition, must_hold: bool, situation: &Situation) -> f64 {
     let margin = condition.margin(situation);
     if must_hold { margin } else { -margin }.max(0.0)
-}
-
-impl Run {
-    /// The margins of everything that was judged.
-    pub(super) fn margins(&self) -> Vec<Margin> {
-        let others = self.expectations.margins(&self.plan.scenario);
-        let steps = self.plan.scenario.steps.iter().zip(&self.steps);
-        let expected = steps.filter_map(|(step, state)| match &step.action {
-            StepAction::Expect { that, .. } => state
-                .slack
-                .margin(format!("\"{}\": expected `{}`", step.name, that.text)),
-            _ => None,
-        });
-        others.chain(expected).collect()
-    }
 }

@@ -3,24 +3,20 @@
 use std::collections::BTreeMap;
 
 use rigsim_core::SimTime;
-use rigsim_core::line::LineEvent;
 
-use super::agenda::Item;
-use super::record::Record;
-use super::{NANOSECOND, Run, RunError};
-use crate::condition::CLIENT;
+use crate::condition::{CLIENT, Scope};
 
 /// Most bytes of a published line.
 pub const MOST_LINE: usize = 256;
 /// Most names that are published in a run.
 const MOST_NAMES: usize = 64;
 /// Most lines that are read in a second of simulated time.
-const MOST_LINES: u32 = 1000;
+pub(super) const MOST_LINES: u32 = 1000;
 
 /// Reason for which a published line is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct PublishError(&'static str);
+pub struct PublishError(pub(super) &'static str);
 
 const TOO_LONG: PublishError = PublishError("it has more than 256 bytes");
 const UNREADABLE: PublishError =
@@ -30,7 +26,7 @@ const BAD_NAME: PublishError = PublishError(
      names that the device has behind `client.`",
 );
 const TOO_MANY_NAMES: PublishError = PublishError("at most 64 names can be published");
-const TOO_MANY_LINES: PublishError =
+pub(super) const TOO_MANY_LINES: PublishError =
     PublishError("more than 1000 lines came within a second; the rest is not read");
 
 /// Pace at which clients publish.
@@ -41,72 +37,44 @@ pub(super) struct Published {
     lines: u32,
 }
 
-impl Run {
-    /// The client publishes numbers: `x=1.2 y=0.4`, or an object as JSON. Conditions know them as
-    /// `client.x` and `client.y` from then on. A line that is not used changes nothing and is the
-    /// event `bad_publication`; of lines that are too many, only the first of each second.
-    ///
-    /// # Errors
-    /// When the simulation cannot go on. Within that, says why the line is not used.
-    pub fn publish(
-        &mut self,
-        now: SimTime,
-        line: &str,
-    ) -> Result<Result<(), PublishError>, RunError> {
-        let second = now.max(self.situation.rig.now() + NANOSECOND).as_nanos() / 1_000_000_000;
-        if self.published.second != second {
-            (self.published.second, self.published.lines) = (second, 0);
+impl Published {
+    /// Counts a line that comes at `at`; returns how many came in its second.
+    pub(super) fn count(&mut self, at: SimTime) -> u32 {
+        let second = at.as_nanos() / 1_000_000_000;
+        if self.second != second {
+            (self.second, self.lines) = (second, 0);
         }
-        if self.published.lines > MOST_LINES {
-            return Ok(Err(TOO_MANY_LINES));
-        }
-        let Some(at) = self.go_before(now)? else {
-            return Ok(Ok(()));
-        };
-        self.published.lines += 1;
-        let values = match self.published.lines {
-            ..=MOST_LINES => self.read_published(line),
-            _ => Err(TOO_MANY_LINES),
-        };
-        self.record(|| Record::Publish {
-            t: at.as_nanos(),
-            line: line.chars().take(MOST_LINE + 1).collect(),
-        });
-        let port = self.ports.ids.first().copied();
-        let used = values.map(|values| self.situation.published.extend(values));
-        self.agenda.plan(at, Item::Judge);
-        self.instant(at, |rig| {
-            if let (Err(PublishError(why)), Some(port)) = (used, port) {
-                rig.emit_line_event(port, LineEvent::BadPublication { why });
-            }
-        })?;
-        Ok(used)
+        self.lines = self.lines.saturating_add(1);
+        self.lines
     }
+}
 
-    /// The numbers of a line, by their names in conditions.
-    fn read_published(&self, line: &str) -> Result<Vec<(String, f64)>, PublishError> {
-        if line.len() > MOST_LINE {
-            return Err(TOO_LONG);
-        }
-        let values = numbers(line.trim()).filter(|values| !values.is_empty());
-        let values: Vec<(String, f64)> = values
-            .ok_or(UNREADABLE)?
-            .into_iter()
-            .map(|(name, value)| (format!("{CLIENT}{name}"), value))
-            .collect();
-        let known = &self.situation.published;
-        let mut new: Vec<&str> = values.iter().map(|(name, _)| name.as_str()).collect();
-        new.retain(|name| !known.contains_key(*name));
-        new.sort_unstable();
-        new.dedup();
-        if !self.in_scope(|scope| new.iter().all(|name| scope.is_publishable(name))) {
-            return Err(BAD_NAME);
-        }
-        if known.len() + new.len() > MOST_NAMES {
-            return Err(TOO_MANY_NAMES);
-        }
-        Ok(values)
+/// The numbers of a line by their names in conditions, of which some are `known` already.
+pub(super) fn read(
+    line: &str,
+    known: &BTreeMap<String, f64>,
+    scope: &Scope<'_>,
+) -> Result<Vec<(String, f64)>, PublishError> {
+    if line.len() > MOST_LINE {
+        return Err(TOO_LONG);
     }
+    let values = numbers(line.trim()).filter(|values| !values.is_empty());
+    let values: Vec<(String, f64)> = values
+        .ok_or(UNREADABLE)?
+        .into_iter()
+        .map(|(name, value)| (format!("{CLIENT}{name}"), value))
+        .collect();
+    let mut new: Vec<&str> = values.iter().map(|(name, _)| name.as_str()).collect();
+    new.retain(|name| !known.contains_key(*name));
+    new.sort_unstable();
+    new.dedup();
+    if !new.iter().all(|name| scope.is_publishable(name)) {
+        return Err(BAD_NAME);
+    }
+    if known.len() + new.len() > MOST_NAMES {
+        return Err(TOO_MANY_NAMES);
+    }
+    Ok(values)
 }
 
 /// The names that conditions have for the numbers of a published line.

@@ -8,7 +8,8 @@ use rigsim_core::event::code;
 use rigsim_settings::show_duration;
 
 use super::Run;
-use super::outcome::{DeviceReport, Failure, FailureKind, FaultRecord, Outcome};
+use super::context::in_effect;
+use super::outcome::{DeviceReport, Failure, FailureKind, FaultRecord, Margin, Outcome};
 use super::record::Record;
 use super::steps::FaultCounts;
 use crate::scenario::{Step, StepAction, Trigger};
@@ -63,7 +64,7 @@ impl Run {
         if let Some(outcome) = &mut self.outcome {
             outcome.fail(what);
         } else if self.failures.list.len() < MOST_FAILURES {
-            let context = self.context();
+            let context = self.failures.context(&self.plan.scenario, &self.steps);
             self.failures.list.push(Failure {
                 kind,
                 at,
@@ -79,7 +80,8 @@ impl Run {
     /// The run is over: what did not come, and what came of it all.
     pub(super) fn finish(&mut self) {
         let now = self.situation.rig.now();
-        self.failures.last_in_effect = Some(self.in_effect());
+        let scenario = Arc::clone(&self.plan.scenario);
+        self.failures.last_in_effect = Some(in_effect(&scenario, &self.steps));
         self.fail_what_waits(now);
         let mut missed = Vec::new();
         let faults = self.close_faults(&mut missed);
@@ -88,21 +90,16 @@ impl Run {
         self.judge_reports(now);
         self.failures.list.sort_by_key(|failure| failure.kind);
         let passed = self.failures.list.is_empty() && not_applicable.is_empty();
+        let devices = scenario.rig.devices.iter().zip(&self.situation.counters);
         let outcome = Outcome {
             passed,
-            title: self.plan.scenario.title.clone(),
+            title: scenario.title.clone(),
             seed: self.plan.options.seed,
             ended_at: now,
             failures: std::mem::take(&mut self.failures.list),
             more_failures: self.failures.more,
             faults,
-            devices: self
-                .plan
-                .scenario
-                .rig
-                .devices
-                .iter()
-                .zip(&self.situation.counters)
+            devices: devices
                 .enumerate()
                 .map(|(device, (plan, counters))| DeviceReport {
                     name: plan.name.clone(),
@@ -113,7 +110,7 @@ impl Run {
             margins: self.margins(),
             not_judged: self.expectations.not_judged(&self.plan, now),
             not_applicable,
-            last: self.context(),
+            last: self.failures.context(&scenario, &self.steps),
         };
         if let Some(recorder) = &mut self.recorder {
             let why_skipped = match outcome.is_skipped() {
@@ -123,6 +120,19 @@ impl Run {
             recorder.end(now, outcome.passed, why_skipped);
         }
         self.outcome = Some(outcome);
+    }
+
+    /// The margins of everything that was judged.
+    fn margins(&self) -> Vec<Margin> {
+        let others = self.expectations.margins(&self.plan.scenario);
+        let steps = self.plan.scenario.steps.iter().zip(&self.steps);
+        let expected = steps.filter_map(|(step, state)| match &step.action {
+            StepAction::Expect { that, .. } => state
+                .slack
+                .margin(format!("\"{}\": expected `{}`", step.name, that.text)),
+            _ => None,
+        });
+        others.chain(expected).collect()
     }
 
     /// What is repeated without end is cut off somewhere; anything else had to come in time.
@@ -213,14 +223,8 @@ impl Run {
 
     /// Vehicles of several for the client that it has left alone: it may know one only.
     fn devices_without_client(&self) -> Vec<String> {
-        let devices = self
-            .plan
-            .scenario
-            .rig
-            .devices
-            .iter()
-            .zip(&self.situation.counters);
-        let devices = devices.enumerate();
+        let plans = self.plan.scenario.rig.devices.iter();
+        let devices = plans.zip(&self.situation.counters).enumerate();
         let live = devices.filter(|(index, _)| !self.plan.has_script(*index));
         let (opened, left): (Vec<_>, Vec<_>) = live.partition(|(_, (_, counters))| {
             let events = &counters.report.events;
