@@ -97,7 +97,7 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
         hunt.begin()?;
         hunts.push(hunt);
     }
-    // What is wrong with any of it is found before the first search.
+    // All errors in the files are found before the first search.
     let mut summary = report::Summary::find(args)?;
     for hunt in &mut hunts {
         hunt.keep_journal()?;

@@ -28,7 +28,7 @@ use rigsim_runner::{DevicePlan, RigPlan};
 use crate::config;
 use crate::exit::Failure;
 
-/// One device of this kind with so many links, at rest and ready.
+/// One device of this kind with this number of links, at rest and ready.
 fn plan_of(
     devices: Devices,
     kind: &str,
@@ -82,7 +82,7 @@ fn header(plan: &RigPlan) -> Header {
     }
 }
 
-/// Last line of one.
+/// Last line of a recording.
 fn end(t: u64) -> Record {
     Record::End {
         t,

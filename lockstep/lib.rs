@@ -1,27 +1,27 @@
-//! Unmodified programs in a time that the caller drives.
+//! Runs unmodified programs in simulated time, which the caller drives.
 //!
 //! [`run`] starts a program and traces it with everything that it starts. Its clocks show simulated
 //! time, its sleeps, timeouts and timers end in simulated time. While it computes, simulated time
-//! stands still; when all of it waits, a [`World`] says what happens next and when, and time goes
-//! on to that or to the program's own next deadline. Nothing is preloaded, so that static programs
-//! and any language will do.
+//! stands still. When all threads wait, a [`World`] says what happens next and when. Time advances to
+//! that or to the program's own next deadline. Nothing is preloaded, so static programs and any
+//! language work.
 //!
 //! # How it works
 //!
-//! - A seccomp filter stops threads at the syscalls that matter: sleeps, waits, and whatever may wait for
+//! - A seccomp filter stops threads at the syscalls that matter: sleeps, waits, and those that may wait for
 //!   others. All other syscalls run at full speed.
 //! - Clocks are read in the program's own memory: the functions of its vDSO are replaced.
-//! - One thread runs at a time, until it waits; then the one that began first of those that can run.
-//!   So the order of everything is the same on each run, whatever else the machine does.
-//! - Waits that are known do not reach the kernel. A thread stays stopped until what it waits for is
-//!   there, which is found out on duplicates of its descriptors, or until its deadline.
-//! - What a program reads that is random comes from the run's seed.
+//! - One thread runs at a time, until it waits. The next is the oldest of those that can run. So the
+//!   order of events is the same in each run, under any load of the machine.
+//! - Waits that the tracer knows do not reach the kernel. A thread stays stopped until its event, which
+//!   is polled on duplicates of its descriptors, or until its deadline.
+//! - Random bytes come from the run's seed.
 //!
-//! Everything about devices is the world's. The crate knows pseudo-terminals, as [`Port`]s, whose bytes it
-//! keeps from the kernel's: passing them on takes time of the machine.
+//! The world implements all devices. The crate knows pseudo-terminals, as [`Port`]s. Their bytes bypass
+//! the kernel, which would take real time to pass them on.
 //!
-//! It runs on x86-64; elsewhere [`run`] says that it does not. All that is of that architecture is
-//! in `traced/x86_64.rs`.
+//! It runs on x86-64; elsewhere [`run`] returns an error. All code for that architecture is in
+//! `traced/x86_64.rs`.
 
 mod copies;
 mod port;
@@ -41,40 +41,39 @@ pub use rigsim_settings::ClientLine;
 #[cfg(target_arch = "x86_64")]
 pub use traced::run;
 
-/// A program and what it finds.
+/// A program and its environment.
 #[derive(Debug)]
 pub struct Program<'a> {
     /// Its name, looked up in `PATH`, and its arguments.
     pub words: &'a [OsString],
-    /// Variables beside those of this program.
+    /// Variables in addition to those of this program.
     pub environment: &'a [(String, OsString)],
-    /// File to which it writes both of its streams.
+    /// File for both of its output streams.
     pub output: File,
 }
 
 /// Options of a run.
 #[derive(Debug)]
 pub struct Options<'a> {
-    /// Seed of what is random; `None` leaves it random.
+    /// Seed of random bytes; with `None` they stay random.
     pub seed: Option<u64>,
-    /// Seed by which the thread that runs next is chosen at each syscall; with `None` it is the one that
-    /// began first, until it waits.
+    /// Seed of the choice of the next thread at each syscall; with `None` the oldest runs until it waits.
     pub schedule: Option<u64>,
-    /// Its date when it begins, since 1970.
+    /// Date at its start, since 1970.
     pub date: Duration,
-    /// Processor time that it and this thread may use. Waits for the world outside count in full.
+    /// Limit of the processor time of it and this thread. Waits for the outside count in full.
     pub allowed: Option<Duration>,
-    /// Time at which it is ended in any case, by the real clock.
+    /// Real time at which it is ended in any case.
     pub until: Option<Instant>,
-    /// Ends it when it becomes true.
+    /// Ends it once set.
     pub stop: &'a AtomicBool,
 }
 
 /// World at the other end of the ports.
 ///
-/// Times are nanoseconds since the program began. What happens to one port is reported in the order in
-/// which it happens. All of it fails when the world has broken down; that ends the run. It may start threads,
-/// and no programs: those would not be able to read the time stamp counter.
+/// Times are nanoseconds since the program began. Events of one port are reported in order. An error of any
+/// method ends the run. A world may start threads, but no programs: those could not read the time stamp
+/// counter.
 pub trait World {
     /// A client opened a port that no other had open.
     fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken>;
@@ -82,8 +81,8 @@ pub trait World {
     /// The last client closed a port.
     fn closed(&mut self, port: usize, now: u64) -> Result<(), Broken>;
 
-    /// A client sends; says how many of the bytes there was room for. The others are sent again
-    /// when time has gone on.
+    /// A client sends; returns the number of bytes that there was room for. The others are sent again when
+    /// time has advanced.
     fn sent(
         &mut self,
         port: usize,
@@ -95,18 +94,18 @@ pub trait World {
     /// A client has set the modem lines of a port, in the bits of [`modem`].
     fn modem_lines(&mut self, port: usize, now: u64, lines: u32) -> Result<(), Broken>;
 
-    /// Returns whether it wants to know what each thread waits for, which takes time to find out.
+    /// Returns whether it needs the waits of each thread, which take time to collect.
     fn wants_waits(&self) -> bool {
         false
     }
 
-    /// All programs wait, and time goes on from `now`.
+    /// All programs wait, and time advances from `now`.
     fn waits(&mut self, now: u64, waits: Vec<ThreadWait>) {
         let _ = (now, waits);
     }
 
-    /// All programs wait; `ran` says whether any has run since this was last called. Goes on to the
-    /// first time, `until` at the latest, at which something happens at a port, and does that.
+    /// All programs wait; `ran` says whether any has run since the last call. Advances to the first event at a
+    /// port, `until` at the latest, and executes it.
     fn advance(
         &mut self,
         ports: &mut [Port],
@@ -123,7 +122,7 @@ pub struct ThreadWait {
     pub thread: u64,
     /// Its name, as the system knows it.
     pub name: String,
-    /// Number of this wait, which differs from that of its last one.
+    /// Number of this wait; each wait of a thread has a new one.
     pub number: u64,
     /// What it waits for, as in `for bytes from /tmp/r150`.
     pub wait: String,
@@ -132,14 +131,14 @@ pub struct ThreadWait {
 /// Reason for which a world cannot go on.
 pub type Broken = Box<dyn std::error::Error + Send + Sync>;
 
-/// Distance that a world has gone.
+/// Result of advancing a world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
     /// To this time.
     To(u64),
-    /// To its end; the programs are asked to end.
+    /// It has ended; the programs are asked to end.
     Over,
-    /// Nothing will ever happen in it, and no deadline was given.
+    /// It has no further event, and no deadline was given.
     Never,
 }
 
@@ -152,49 +151,49 @@ pub enum End {
     Killed(i32),
 }
 
-/// Reason for which a run came to its end.
+/// Reason for the end of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reason {
     /// The program ended.
     Itself,
     /// The world came to its end.
     Over,
-    /// The processor time allowed was used up, or the real time was over.
+    /// The processor time or the real time was used up.
     OutOfTime {
         /// It was the real time.
         real: bool,
         /// What it was doing.
         doing: String,
     },
-    /// Everything waited for nothing, and the world came to its end if it had one; for what.
+    /// All threads waited in vain until the end of the world, if it had one; the waits as text.
     Deadlock(String),
-    /// It was asked for.
+    /// The caller asked for it.
     Stopped,
 }
 
 /// Outcome of a run.
 #[derive(Debug, Clone)]
 pub struct Ending {
-    /// End of the program, which it comes to in any case.
+    /// How the program ended; it always does.
     pub end: End,
-    /// Reason of that.
+    /// Why it ended.
     pub reason: Reason,
-    /// Things outside of the run that were waited for; it is not repeatable if there are any.
+    /// Outside waits; the run is not repeatable if there are any.
     pub outside: BTreeSet<String>,
-    /// Syscalls that were refused, and may explain a failure.
+    /// Refused syscalls, which may explain a failure.
     pub refused: BTreeSet<String>,
-    /// Names of syscalls that were answered with `ENOSYS`, as by a system that lacks them. Programs try
-    /// some of them and do without.
+    /// Names of syscalls that returned `ENOSYS`, as on a system that lacks them. Programs try some of them and
+    /// fall back.
     pub missing: BTreeSet<String>,
-    /// Names of processes that still ran when the program ended, and were ended with it.
+    /// Names of processes that still ran when the program ended, and were killed.
     pub left: BTreeSet<String>,
-    /// Bytes that it has written to its output.
+    /// Number of bytes that it has written to its output.
     pub written: u64,
     /// Time at which it ended, in nanoseconds since it began.
     pub at: u64,
-    /// Syscalls at which it was stopped.
+    /// Number of syscalls at which it was stopped.
     pub calls: u64,
-    /// The system refused to fix the addresses of the program's memory by the seed.
+    /// Set if the system refused fixed addresses for the program's memory.
     pub random_addresses: bool,
 }
 
@@ -202,7 +201,7 @@ pub struct Ending {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The system does not let programs be traced, or cannot.
+    /// The system refuses or lacks tracing.
     #[error("{0}")]
     Unsupported(String),
     /// The program could not be started.
@@ -217,9 +216,9 @@ pub enum Error {
     /// The system failed.
     #[error("{what}: {error}")]
     System {
-        /// Call that was being done.
+        /// The syscall, or what was being done.
         what: &'static str,
-        /// Error of it.
+        /// The system's error.
         error: io::Error,
     },
 }

@@ -1,4 +1,4 @@
-//! A pseudo-terminal in step with its client: whatever has been written to it is there to be read.
+//! A pseudo-terminal in step with its client: all bytes written to it can be read at once.
 
 mod pair;
 
@@ -15,11 +15,11 @@ use rustix::termios::{Action, LocalModes};
 use pair::{MOST_READ, Pair};
 pub(crate) use pair::{ReadRule, poll};
 
-/// Most bytes that go to the kernel at once, whose own limit is 4095.
+/// Most bytes that go to the kernel at once; its own limit is 4095.
 const MOST_IN_KERNEL: usize = 3072;
-/// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
+/// Size of the client's input buffer; further bytes are lost, as on a real port.
 const MOST_WAITING: usize = 20_480;
-/// Most pseudo-terminals of pulled cables that are kept.
+/// Most pseudo-terminals that are kept after their cables were pulled.
 const MOST_FORMER: usize = 64;
 
 /// Modem lines, as `TIOCM_*` has them.
@@ -39,38 +39,37 @@ pub struct Port {
     link: PathBuf,
     baud: u32,
     pair: Option<Pair>,
-    /// Bytes that have arrived, and that the terminal has not edited yet.
+    /// Bytes that have arrived, before the terminal's line editing.
     arrived: VecDeque<u8>,
     /// Bytes that the client can read.
     ready: VecDeque<u8>,
-    /// Lengths of the lines that these are, of a terminal that has lines (`ICANON`). An end of file has none.
+    /// Lengths of the lines in these bytes with `ICANON`. An end of file has length 0.
     lines: Option<VecDeque<usize>>,
-    /// A client polls it by an epoll or is sent a signal (`O_ASYNC`): the kernel has to know whether there
-    /// are bytes.
+    /// A client uses an epoll or `O_ASYNC` signals: the kernel has to know whether there are bytes.
     needs_sign: bool,
-    /// The kernel has sent a signal, if it was to send any.
+    /// The kernel has sent the signal, if one was due.
     pub(crate) has_signalled: bool,
-    /// The kernel has bytes that stand for those that wait.
+    /// The kernel has placeholder bytes for those that wait.
     has_sign: bool,
     /// The client has stopped its output (`tcflow`).
     is_stopped: bool,
-    /// The client has stopped or started its input (`tcflow`), for which the terminal sends a byte.
+    /// The client has stopped or started its input (`tcflow`): the terminal sends a byte.
     flows: bool,
-    /// The world has had no room for what the client wrote.
+    /// The world had no room for the client's bytes.
     is_full: bool,
     lost: u64,
     /// Open descriptions of it that clients hold.
     pub(crate) opened: usize,
-    /// A client may have it open through `/dev/tty`, of which no watch tells.
+    /// A client may have it open through `/dev/tty`, which no watch reports.
     pub(crate) by_tty: Cell<bool>,
     pub(crate) modem: u32,
-    /// Client's ends of those whose cable has been pulled. The system gives their numbers to no other program
-    /// as long as they are open, so no client that has kept such a path opens the port of another run.
+    /// Client's ends of ports whose cable was pulled. While they are open, the system does not reuse their
+    /// numbers. So no client with an old path opens the port of another run.
     former: VecDeque<OwnedFd>,
 }
 
 impl Port {
-    /// A port at `baud`; `link` must not exist, and leads to it while the cable is in.
+    /// Creates a port at `baud`. `link` must not exist; it leads to the port while the cable is in.
     ///
     /// # Errors
     /// When the system refuses a pseudo-terminal or the link.
@@ -99,12 +98,12 @@ impl Port {
         self.pair.is_some()
     }
 
-    /// Bytes lost since the last time, because the client did not read.
+    /// Bytes lost since the last query because the client did not read.
     pub fn take_lost(&mut self) -> u64 {
         std::mem::take(&mut self.lost)
     }
 
-    /// Puts the cable in; another pseudo-terminal is behind the link then.
+    /// Plugs the cable in: the link leads to a new pseudo-terminal.
     ///
     /// # Errors
     /// When the system refuses a pseudo-terminal or the link.
@@ -118,11 +117,11 @@ impl Port {
         Ok(())
     }
 
-    /// Pulls the cable: a client that has it open finds its end, and no client finds it any more. Says
-    /// whether it was open.
+    /// Pulls the cable: a client that has it open gets a hang-up, and the path is gone. Returns whether it was
+    /// open.
     ///
     /// # Errors
-    /// When the client's end has not come in a minute.
+    /// When the hang-up has not arrived within a minute.
     pub fn unplug(&mut self) -> io::Result<bool> {
         let Some(pair) = self.remove() else {
             return Ok(false);
@@ -137,7 +136,7 @@ impl Port {
         Ok(std::mem::take(&mut self.opened) > 0)
     }
 
-    /// Takes both ends away, so that no client finds them any more.
+    /// Closes both ends and removes the path.
     fn remove(&mut self) -> Option<Pair> {
         let pair = self.pair.take()?;
         // If another program has removed it, it is gone as it should be.
@@ -145,7 +144,7 @@ impl Port {
         Some(pair)
     }
 
-    /// Hands the client bytes; they are there to be read when this returns.
+    /// Sends the client bytes, which it can read when this returns.
     ///
     /// # Errors
     /// When the pseudo-terminal does not take them.
@@ -164,8 +163,8 @@ impl Port {
         self.top_up()
     }
 
-    /// Passes what has arrived through the terminal, if that edits it, and brings the kernel's end to what waits:
-    /// whether there are any bytes, for an epoll.
+    /// Passes new bytes through the terminal's line editing, if it is on, and updates the kernel's placeholder for
+    /// an epoll.
     pub(crate) fn top_up(&mut self) -> io::Result<()> {
         if !self.arrived.is_empty() && !self.is_readable() {
             self.take_sign();
@@ -176,7 +175,7 @@ impl Port {
         let (termios, line) = pair.settings()?;
         let has_lines = termios.local_modes.contains(LocalModes::ICANON);
         if has_lines != self.lines.is_some() {
-            // What is left of a line that has not come to its end.
+            // The rest of an incomplete line.
             self.ready.extend(pair.edited(false)?.concat());
             let one_line = VecDeque::from_iter(Some(self.ready.len()).filter(|length| *length > 0));
             self.lines = has_lines.then_some(one_line);
@@ -221,7 +220,7 @@ impl Port {
         self.is_stopped || pair.is_some_and(|pair| !pair.is_raw() && !pair.has_room())
     }
 
-    /// The client stops or starts its output or its input (`tcflow`); returns whether the kernel is to do so.
+    /// The client stops or starts its output or its input (`tcflow`); returns whether the kernel must do it.
     pub(crate) fn flow(&mut self, action: u64) -> bool {
         match action {
             0 | 1 => self.is_stopped = action == 0,
@@ -230,7 +229,7 @@ impl Port {
         action != 1 || !(self.is_full && self.needs_sign)
     }
 
-    /// An epoll polls it, or it is to send signals.
+    /// An epoll watches it, or it must send signals.
     pub(crate) fn need_signs(&mut self) -> io::Result<()> {
         self.needs_sign = true;
         if self.is_full {
@@ -239,7 +238,7 @@ impl Port {
         self.top_up()
     }
 
-    /// The world has taken what the client wrote, or as much as there was room for. An epoll finds an edge.
+    /// The world has taken the client's bytes, or as many as there was room for. An epoll sees an edge.
     pub(crate) fn has_sent(&mut self, all: bool) {
         if !std::mem::replace(&mut self.is_full, !all) {
             self.sign_room(Action::OOff);
@@ -268,7 +267,7 @@ impl Port {
     /// Settings by the client.
     ///
     /// # Errors
-    /// When the system cannot tell.
+    /// When the system reports an error.
     pub fn line(&self) -> io::Result<Option<ClientLine>> {
         let settings = self.pair.as_ref().map(Pair::settings).transpose()?;
         Ok(settings.map(|(_, line)| *line))
@@ -279,19 +278,19 @@ impl Port {
         self.pair.as_ref().is_some_and(|pair| pair.device == device)
     }
 
-    /// Returns whether clients may have opened or closed one of these since the last time.
+    /// Returns whether clients may have opened or closed one of these since the last query.
     pub(crate) fn any_changes(ports: &[Self]) -> bool {
         let watches = ports.iter().filter_map(|port| port.pair.as_ref());
         let polls = watches.map(|pair| PollFd::new(&pair.watch, PollFlags::IN));
         poll(&mut polls.collect::<Vec<_>>())
     }
 
-    /// Opens (`true`) and closes by clients since the last time.
+    /// Opens (`true`) and closes (`false`) by clients since the last query.
     pub(crate) fn changes(&self) -> Vec<bool> {
         self.pair.as_ref().map_or(Vec::new(), Pair::changes)
     }
 
-    /// The last client has left; what it has not read, and what it has set, is not for the next.
+    /// The last client has left: its unread bytes and its settings are discarded.
     pub(crate) fn forget_client(&mut self) {
         self.forget_bytes();
         // An epoll may watch it for the next client already, so it needs signs as before.
@@ -314,7 +313,7 @@ impl Port {
         self.modem = 0;
     }
 
-    /// The client throws away what it has not read.
+    /// The client discards its unread bytes.
     pub(crate) fn flush_input(&mut self) {
         self.forget_bytes();
         self.take_sign();
@@ -355,12 +354,12 @@ impl Port {
         }
     }
 
-    /// Returns whether a descriptor's path, as the system tells it, leads to it.
+    /// Returns whether a descriptor's path, as the system reports it, leads to it.
     pub(crate) fn leads_to(&self, path: &str) -> bool {
         std::fs::read_link(&self.link).is_ok_and(|node| node.as_os_str() == path)
     }
 
-    /// What a poll says of it.
+    /// Result of a poll.
     pub(crate) fn readiness(&self) -> PollFlags {
         let mut found = PollFlags::empty();
         found.set(
@@ -382,7 +381,7 @@ impl Port {
         }
     }
 
-    /// Takes what the client could read, of one line if it reads lines; `None` if it would have to wait.
+    /// Takes the bytes of a read, up to the end of the line with `ICANON`; `None` if the read has to wait.
     pub(crate) fn read(&mut self, most: usize) -> Option<Vec<u8>> {
         let mut count = most.min(MOST_READ).min(self.ready.len());
         if let Some(lines) = &mut self.lines {
@@ -404,7 +403,7 @@ impl Port {
         pair.map_or_else(|| bytes.to_vec(), |pair| pair.cooked(bytes))
     }
 
-    /// Bytes that the terminal itself sends, as an echo of what came.
+    /// Bytes that the terminal itself sends, such as an echo.
     pub(crate) fn take_echo(&self) -> Vec<u8> {
         let pair = self.pair.as_ref();
         let pair = pair.filter(|pair| self.flows || !pair.is_raw());

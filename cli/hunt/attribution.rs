@@ -23,7 +23,7 @@ use super::space::step_name;
 /// Time between two stops of the ideal operator.
 const EVERY: Duration = Duration::from_millis(100);
 
-/// What becomes of the vehicle after what the client did until a fault began.
+/// What replaces the client from the beginning of a fault on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Then {
     /// An operator stops it again and again, and opens the port when it is there.
@@ -32,9 +32,9 @@ enum Then {
     Silence,
 }
 
-/// Returns whether a fault of a case that was played leaves no client a way to keep the rule of the key, so
-/// that it is attributed to no client: from its beginning on, both an ideal operator and silence break the
-/// rule. Of a further fault, this counts only if one of them keeps the rule without it.
+/// Returns whether a fault of a case leaves no client a way to keep the rule of the key, so that no client is
+/// responsible: from its beginning on, both an ideal operator and silence break the rule. For a further fault,
+/// this counts only if one of them keeps the rule without it.
 ///
 /// # Errors
 /// When the simulation cannot go on.

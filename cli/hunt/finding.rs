@@ -1,4 +1,4 @@
-//! Findings: attributed to the client, made smaller while they break the same rule, and written.
+//! Findings: attributed to the client, reduced while they break the same rule, and written.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -17,31 +17,32 @@ use super::player::Seen;
 use super::search::{Found, Hunt};
 use super::space::{FOR_GOOD, Fault, Form, Frame, Kind, Trigger, duration, step_name};
 
-/// Candidates that are played at a time.
+/// Candidates that are played in parallel.
 const AT_ONCE: usize = 8;
-/// Longest name of a file of a finding.
+/// Longest name of a finding's file.
 const MOST_NAME: usize = 60;
-/// Most files of one rule.
+/// Most files for one rule.
 const MOST_OF_RULE: usize = 3;
-/// Most files of names that begin with the same words.
+/// Most files whose names begin with the same words.
 const MOST_PLACES: usize = 100;
-/// How the file of a finding begins, which may be replaced.
+/// First line of a finding's file, by which a later hunt may replace it.
 const MARK: &str = "# Found by sim hunt in run ";
 /// Seeds with which a finding is played.
 const SEEDS: u64 = 20;
-/// How a client's end with a code begins. It may give up so where a fault lasts longer than this, in ms.
+/// Prefix of the failure of a client that exits with a code, and the duration of a fault, ms, above which that
+/// is allowed.
 pub(super) const GAVE_UP: &str = "the client ended with exit code";
 const GIVE_UP: u64 = 300;
-/// How failures begin that are the client's in any case.
+/// Prefixes of failures that are always the client's.
 const OWN: [&str; 2] = ["the client", "it was still"];
-/// Durations that a finding is shortened to, and times by which it is moved, ms.
+/// Durations to which a finding is shortened, and times by which it is moved, ms.
 const SHORTER: [u64; 8] = [10, 20, 50, 100, 200, 500, 1000, 2000];
 const MOVED: [u64; 7] = [20, 50, 100, 200, 500, 1000, 2000];
 /// Times are rounded to these, ms.
 const ROUND: [u64; 5] = [1000, 500, 100, 50, 10];
 
 impl Hunt<'_> {
-    /// Attributes a broken rule, makes the schedule smaller, and writes it.
+    /// Attributes a broken rule, reduces the schedule, and writes it.
     pub(super) fn look_into(
         &mut self,
         run: u64,
@@ -65,7 +66,7 @@ impl Hunt<'_> {
         );
         let before = self.player.asked;
         let (schedule, is_cut) = self.shrink(schedule, key)?;
-        // A smaller one may leave the client no way out, where the whole one did.
+        // The reduced schedule may leave the client no way out, although the whole one did.
         let is_unavoidable = self.is_unavoidable(&schedule, key)?;
         let known = self.state.per_rule.entry(key.to_owned()).or_default();
         let shrunk = ids(&schedule);
@@ -99,7 +100,7 @@ impl Hunt<'_> {
         Ok(())
     }
 
-    /// Returns whether findings that were written explain it, or are enough of this rule.
+    /// Returns whether earlier findings explain it, or are enough for this rule.
     fn is_known(&self, schedule: &[Fault], key: &str) -> bool {
         let of = ids(schedule);
         let earlier = self.state.written().filter(|found| found.key == key);
@@ -108,8 +109,8 @@ impl Hunt<'_> {
         earlier.count() >= MOST_OF_RULE || known.any(contains)
     }
 
-    /// The faults of a schedule that break the rule alone, each in a way that a client must not. Otherwise
-    /// a fault that is known, or that excuses the client, would hide another that is played with it.
+    /// The faults of a schedule that each break the rule alone, in a way that is the client's error. Otherwise a
+    /// known fault, or one that excuses the client, would hide another that is played with it.
     pub(super) fn alone(&mut self, schedule: &[Fault], key: &str) -> Result<Vec<Fault>, Failure> {
         let each = schedule.iter().map(std::slice::from_ref);
         let new = each.filter(|one| !self.is_known(one, key) && !may_end(one, key));
@@ -146,7 +147,7 @@ impl Hunt<'_> {
         })
     }
 
-    /// Plays schedules, and returns which of them break the rule in a way that a client must not.
+    /// Plays schedules, and returns which of them break the rule in a way that is the client's error.
     fn which_break(&mut self, all: &[Vec<Fault>], key: &str) -> Result<Vec<bool>, Failure> {
         let texts = all.iter().map(|one| self.frame.document(one));
         let seen = self.player.play(&texts.collect::<Vec<_>>())?;
@@ -155,8 +156,8 @@ impl Hunt<'_> {
         Ok(breaks.collect())
     }
 
-    /// Makes a schedule smaller until no candidate breaks the rule any more; and says whether the budget
-    /// was used up before.
+    /// Reduces a schedule until no smaller candidate breaks the rule; also returns whether the budget was used up
+    /// before that.
     fn shrink(&mut self, schedule: &[Fault], key: &str) -> Result<(Vec<Fault>, bool), Failure> {
         let until = self.player.asked + u64::from(self.args.shrink_runs);
         let mut best = schedule.to_vec();
@@ -182,14 +183,14 @@ impl Hunt<'_> {
         Ok((best, true))
     }
 
-    /// When the faults of a schedule begin.
+    /// Start times of the faults of a schedule.
     fn begun(&mut self, schedule: &[Fault]) -> Result<Vec<Option<u64>>, Failure> {
         let text = self.frame.document(schedule);
         Ok(self.player.play(&[text])?.remove(0).begun)
     }
 
-    /// Smaller schedules, the smallest first. Each is smaller by an order that has an end: fewer faults,
-    /// weaker kinds, milder forms, shorter, a more robust trigger, a rounder time.
+    /// Smaller schedules, the smallest first. The order is well-founded: fewer faults, weaker kinds, milder
+    /// forms, shorter, a more robust trigger, a rounder time.
     fn candidates(&mut self, schedule: &[Fault]) -> Result<Vec<Vec<Fault>>, Failure> {
         let begun = self.begun(schedule)?;
         let mut all = Vec::new();
@@ -252,8 +253,8 @@ impl Hunt<'_> {
         all
     }
 
-    /// How much earlier and later each fault may begin so that the rule is still broken, ms: the last of
-    /// the times tried before one at which it is kept.
+    /// How much earlier and later each fault may begin so that the rule is still broken, ms: the last time tried
+    /// before the rule is kept.
     fn windows(&mut self, schedule: &[Fault], key: &str) -> Result<Vec<[u64; 2]>, Failure> {
         let begun = self.begun(schedule)?;
         let mut windows = vec![[0; 2]; schedule.len()];
@@ -277,7 +278,7 @@ impl Hunt<'_> {
         Ok(windows)
     }
 
-    /// Writes a finding if two runs of it are the same.
+    /// Writes a finding if its run is repeatable.
     fn write(&mut self, found: &mut Found, is_cut: bool) -> Result<(), Failure> {
         let (key, seed) = (&found.key, self.player.seed);
         let frame = self.with_the_rule(&found.schedule, key)?;
@@ -346,7 +347,7 @@ impl Hunt<'_> {
         Ok(())
     }
 
-    /// The files that have no further rule, or only the one that the schedule breaks.
+    /// The frame with the fewest further rules (none, one or all) in which the schedule breaks the rule.
     fn with_the_rule(&mut self, schedule: &[Fault], key: &str) -> Result<Frame, Failure> {
         let mut frames = self.frame.with_one_rule();
         let texts = frames.iter().map(|frame| frame.document(schedule));
@@ -358,8 +359,8 @@ impl Hunt<'_> {
         })
     }
 
-    /// A file for a finding. Those of this hunt and of other programs keep their names, and different rules may
-    /// have the same words in a name.
+    /// A free path for a finding: files of this hunt and of other programs are kept, and different rules may lead
+    /// to the same words.
     fn place(&self, rule: &str) -> Result<(String, PathBuf, OutputFile), Failure> {
         let is_taken = |name: &String| {
             let mut found = self.state.found.iter();
@@ -402,7 +403,7 @@ fn may_end(schedule: &[Fault], key: &str) -> bool {
     key.starts_with(GAVE_UP) && schedule.iter().any(|fault| fault.is_longer(GIVE_UP))
 }
 
-/// The rule of a failure in words, without the time and the values that it was found by.
+/// The rule of a failure as text, without its time and values.
 fn rule_of(failure: &str) -> &str {
     let what = failure.split_once(": ").map_or(failure, |(_, what)| what);
     let ends = [", but ", " began at ", " × ", ", first at "];
@@ -416,7 +417,7 @@ fn ids(schedule: &[Fault]) -> Vec<String> {
     ids
 }
 
-/// A rule as part of the name of a file: its message, or the whole of it.
+/// A rule as part of a file's name: its message, or all of its text.
 fn slug(rule: &str) -> String {
     let message = rule.split(": ").next().unwrap_or(rule);
     let words = message.split(|letter: char| !letter.is_ascii_alphanumeric());

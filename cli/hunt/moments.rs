@@ -13,9 +13,9 @@ use super::space::Trigger;
 
 /// Most moments of a job.
 pub(super) const MOST: usize = 12;
-/// How often the time between two changes is halved.
+/// Number of times that the time between two changes is halved.
 const HALVINGS: usize = 3;
-/// A trigger may be off by so much, ms.
+/// Tolerance of a trigger, ms.
 const CLOSE: u64 = 30;
 /// Time between two samples.
 const EVERY: Duration = Duration::from_millis(20);
@@ -63,7 +63,7 @@ fn rank(run: &Run, probe: &Probe) -> Option<(usize, Option<(usize, u8)>)> {
         "truth.distance_m" => Some((DISTANCE, None)),
         "count.client_attached" => Some((COUNT, None)),
         _ if probe.unit == Unit::Flag && !name.starts_with("reported.") => Some((STATE, None)),
-        // Counts that are no act of a client shift.
+        // Counts that no act of the client causes would shift.
         _ => counted.map(|message| (COUNT, Some((index, message.id)))),
     }
 }
@@ -98,7 +98,7 @@ impl Samples {
 
     fn sample(&mut self, run: &Run) {
         let values = self.probes.iter().map(|probe| probe.number(run));
-        // What is not known yet is zero, which is the same as itself.
+        // An unknown value (NaN) becomes zero, which equals itself.
         let zero = |value: f64| if value.is_nan() { 0.0 } else { value };
         let values: Vec<f64> = values.map(zero).collect();
         if self.times.len() < MOST_SAMPLES && self.values.last() != Some(&values) {
@@ -135,7 +135,7 @@ impl Samples {
             indices.dedup();
         }
         let mut chosen: Vec<usize> = Vec::new();
-        // The farthest apart in state first.
+        // Those with the greatest difference of state first.
         while chosen.len() < MOST {
             let apart = |row: &usize| {
                 let all = chosen.iter().map(|other| self.distance(*row, *other));
@@ -160,7 +160,7 @@ impl Samples {
         moments
     }
 
-    /// How different the states of two rows are.
+    /// Difference between the states of two rows.
     fn distance(&self, one: usize, other: usize) -> f64 {
         let pairs = self.values[one].iter().zip(&self.values[other]);
         let columns = pairs.zip(&self.most);

@@ -1,4 +1,4 @@
-//! Playing schedules in lockstep, as `sim run` plays a file, and what is to be known of each run.
+//! Plays schedules in lockstep, as `sim run` plays a file, and reads the results.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -30,44 +30,43 @@ use crate::visible;
 
 use super::space::step_name;
 
-/// Most moments of reaction of a run.
+/// Most moments of reaction in a run.
 const MOST_REACTIONS: usize = 8;
 /// Most faults of a schedule.
 pub(super) const MOST_FAULTS: usize = 4;
-/// Most transitions that tell how a client reacted.
+/// Most transitions that describe how a client reacted.
 const MOST_TRANSITIONS: usize = 64;
-/// Runs of a journal that are played again, since what the client consists of is not known.
+/// Runs of a journal that are played again, since not all files of the client are known.
 const CHECKS: usize = 8;
-/// Bytes by which messages with other values are known as of one kind.
+/// Length of the prefix that messages of one kind share, bytes.
 const MOST_HEAD: usize = 4;
 
-/// What is known of a run.
+/// Result of a run.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Seen {
-    /// Rules that were broken, by their keys, with the first failure of each.
+    /// Broken rules by key, with the first failure of each.
     pub(super) broken: BTreeMap<String, String>,
     /// Margins of the rules.
     pub(super) margins: BTreeMap<String, f64>,
     /// Digest of what the client sent.
     pub(super) sent: u64,
-    /// Digest of what it sent behind what, however often.
+    /// Digest of which message followed which, without counts.
     pub(super) class: u64,
     /// Digest of the trace.
     pub(super) trace: String,
-    /// Faults that hit something, and when each began, ms.
+    /// Faults that hit something, with the start of each, ms.
     pub(super) begun: Vec<Option<u64>>,
     pub(super) hit: Vec<bool>,
-    /// From the first time on at which the client did something else than without faults: when it did one
-    /// thing behind another for the first time, ms.
+    /// Times of new transitions from one message to another, from the client's first deviation on, ms.
     pub(super) reactions: Vec<u64>,
-    /// When the client did something for the last time, ms.
+    /// Time of the client's last action, ms.
     pub(super) ended: u64,
     /// Why there is no verdict, if there is none.
     pub(super) error: Option<String>,
 }
 
 impl Seen {
-    /// The margins of rules that came nearer to being broken than in another run.
+    /// Margins of the rules that came nearer to being broken than in another run.
     pub(super) fn nearer<'s>(&'s self, usual: &'s Self) -> impl Iterator<Item = (&'s String, f64)> {
         let margins = self.margins.iter().map(|(rule, margin)| (rule, *margin));
         margins
@@ -95,7 +94,7 @@ impl Seen {
 struct Act {
     /// In milliseconds.
     at: u64,
-    /// Digest of it, and of how it begins.
+    /// Digest of the whole message, and of its prefix.
     what: u64,
     head: u64,
 }
@@ -113,16 +112,16 @@ pub(super) struct Player<'a> {
     /// Runs that were played, by their files and seeds, and those of the journal.
     known: BTreeMap<u64, Seen>,
     journaled: BTreeMap<u64, Seen>,
-    /// How many of those are still played again, as a check of the journal.
+    /// Number of those still to be played again, as a check of the journal.
     checks: usize,
     usual: Vec<Act>,
     words: BTreeSet<u64>,
-    /// Runs that were asked for, known ones included, so that a resumed hunt counts the same.
+    /// Requested runs, known ones included, so that a resumed hunt counts the same.
     pub(super) asked: u64,
 }
 
 impl<'a> Player<'a> {
-    /// A player of files as if they were in this folder.
+    /// A player of files, which are read as if they were in this folder.
     pub(super) fn new(
         args: RunArgs,
         given: &'a Given<'a>,
@@ -147,8 +146,8 @@ impl<'a> Player<'a> {
         })
     }
 
-    /// Begins a journal, or goes on with the one in the folder if it is of the same hunt. No other hunt
-    /// can use the folder until this one ends.
+    /// Begins a journal, or continues the one in the folder if it is of the same hunt. No other hunt can use the
+    /// folder until this one ends.
     pub(super) fn keep_journal(&mut self, text: &str, usual: &Seen) -> Result<(), Failure> {
         let path = self.journal_path();
         let identity = self.identity(text, usual)?;
@@ -173,9 +172,9 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Removes the journal of a hunt that is over: it would answer for a client that was changed since.
+    /// Removes the journal of a finished hunt: later, its results may no longer be those of the client.
     pub(super) fn end_journal(&mut self) {
-        // Locked until it is removed, so that it is not another hunt's.
+        // Locked until it is removed, so that no other hunt uses it meanwhile.
         if let Some(_locked) = self.journal.take() {
             let _ = fs::remove_file(self.journal_path());
         }
@@ -185,8 +184,8 @@ impl<'a> Player<'a> {
         self.folder.join("journal.jsonl")
     }
 
-    /// What a run depends on beside its schedule: the job as this file is based on it, the words of the
-    /// client and those that are files, the simulator, and what both did without faults.
+    /// Digest of all that a run depends on except its schedule: the job with its bases, the client's command and
+    /// the files in it, the simulator, and the runs without faults.
     fn identity(&self, text: &str, usual: &Seen) -> Result<u64, Failure> {
         let loaded = self.load(text)?;
         let plan = Plan::new(&self.args, 1, std::slice::from_ref(&loaded))?;
@@ -201,12 +200,12 @@ impl<'a> Player<'a> {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it is not valid, as one whose fault this vehicle cannot have.
+    /// When it is not valid, for example because this vehicle cannot have its fault.
     pub(super) fn load(&self, text: &str) -> Result<Loaded, Failure> {
         load_text(&self.path(text), text, self.given)
     }
 
-    /// Makes sure that a file can be played. What is wrong with it is said of `what`, since there is no such file.
+    /// Checks that a file can be played. Errors name `what`, since the file exists only in memory.
     pub(super) fn check(&self, text: &str, what: &str) -> Result<(), Failure> {
         let Err(failure) = self.load(text) else {
             return Ok(());
@@ -222,13 +221,13 @@ impl<'a> Player<'a> {
         )))
     }
 
-    /// The path that a file has which exists in memory.
+    /// The path of a file that exists only in memory.
     fn path(&self, text: &str) -> PathBuf {
         let name = format!("hunt-{:016x}.toml", digest(text.as_bytes()));
         self.folder.join(name)
     }
 
-    /// The command that plays a file again as it is played here, when it is at this path.
+    /// The command that plays a file at this path as it is played here.
     pub(super) fn command(&self, text: &str, path: &Path) -> Result<String, Failure> {
         let mut loaded = self.load(text)?;
         path.clone_into(&mut loaded.path);
@@ -244,12 +243,12 @@ impl<'a> Player<'a> {
         self.play_seeds(&all, false)
     }
 
-    /// Plays a file also where it was played before.
+    /// Plays a file, even if it was played before.
     pub(super) fn play_again(&mut self, text: &str) -> Result<Seen, Failure> {
         Ok(self.play_seeds(&[(text, self.seed)], true)?.remove(0))
     }
 
-    /// Plays files with seeds. What was played before is known, unless it is to be played `again`.
+    /// Plays files with seeds. Results of earlier plays are reused unless `again` is set.
     pub(super) fn play_seeds(
         &mut self,
         all: &[(&str, u64)],
@@ -299,7 +298,7 @@ impl<'a> Player<'a> {
         let mut results = play_quietly(&cases, self.threads, &self.stop)?;
         for (case, result) in cases.iter().zip(&mut results) {
             if result.verdict == Verdict::Error {
-                // By itself, for what the machine did when it had much to do.
+                // Once more, alone: the machine may have been too busy.
                 *result = play_quietly(std::slice::from_ref(case), 1, &self.stop)?.remove(0);
             }
         }
@@ -309,12 +308,12 @@ impl<'a> Player<'a> {
             };
             let mut seen = self.seen(&played.outcome, case);
             if result.verdict == Verdict::Error {
-                // It says nothing about the client.
+                // This is not a verdict about the client.
                 seen.broken.clear();
                 seen.error = result.why;
             }
             seen.trace = played.trace.unwrap_or_default();
-            // All of it goes with the hunt.
+            // It is removed with the hunt's folder.
             let _ = fs::remove_dir_all(folder);
             if let Some(before) = self.journaled.get(run) {
                 let has_verdict = seen.error.is_none() && before.error.is_none();
@@ -341,7 +340,7 @@ impl<'a> Player<'a> {
         })
     }
 
-    /// Empties a journal that is of another client.
+    /// Empties the journal of another client.
     fn forget(&self) -> Failure {
         let emptied = self.journal.as_ref().map(|journal| journal.set_len(0));
         let path = visible::name(&self.journal_path());
@@ -354,7 +353,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Plays a file that is at this path, and keeps its trace, which is read by `read`.
+    /// Plays the file at this path, and calls `read` with its trace.
     pub(super) fn trace_of<T>(
         &self,
         path: &Path,
@@ -383,7 +382,7 @@ impl<'a> Player<'a> {
         self.trace_of(&self.path(text), text, read)
     }
 
-    /// Takes what the client does without faults for usual.
+    /// Stores the client's actions without faults as its usual ones.
     pub(super) fn learn(&mut self, records: &[Record]) {
         self.usual = acts(records);
         self.words = self.usual.iter().map(|act| act.what).collect();
@@ -414,7 +413,7 @@ impl<'a> Player<'a> {
         let mut before = 0;
         for (index, act) in acts.iter().enumerate() {
             sent.write_u64(act.what);
-            // Values that vary are one word.
+            // Values that vary count as one.
             let is_usual = self.words.contains(&act.what);
             let word = if is_usual { act.what } else { act.head };
             if index >= same && act.at >= first && transitions.insert((before, word)) {
@@ -445,7 +444,7 @@ impl<'a> Player<'a> {
     }
 }
 
-/// The runs in a journal, and the length of what is whole; none if it is one of another hunt.
+/// The runs in a journal, and the length of its complete lines; none if it is of another hunt.
 fn read_journal(mut journal: &File, head: &Value) -> (u64, BTreeMap<u64, Seen>) {
     let mut runs = BTreeMap::new();
     let begun = journal.rewind().is_ok();

@@ -1,4 +1,4 @@
-//! What a hunt says: the summary, `hunt.json` and the page.
+//! Output of a hunt: the summary, `hunt.json` and the page.
 
 use std::collections::BTreeMap;
 
@@ -15,13 +15,13 @@ use super::finding::GAVE_UP;
 use super::search::Hunt;
 use super::space::{counted, duration};
 
-/// By these a `hunt.json` is known, which may be replaced.
+/// Beginnings of a `hunt.json`, by which a later hunt may replace it.
 const RESULT_MARKS: &[&str] = &[
     "{\n  \"jobs\": [\n    {\n      \"findings\": [",
     "{\n  \"jobs\": []",
 ];
 
-/// What all jobs of a hunt came to.
+/// Results of all jobs of a hunt.
 pub(super) struct Summary {
     /// `hunt.json`, and the page if there is to be one.
     results: OutputFile,
@@ -33,7 +33,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// Makes sure that all can be written later on.
+    /// Checks that all files can be written later.
     pub(super) fn find(args: &HuntArgs) -> Result<Self, Failure> {
         let report = args.report.as_deref();
         let report = report.map(|path| OutputFile::find(path, REPORT_MARKS));
@@ -47,7 +47,7 @@ impl Summary {
         })
     }
 
-    /// Replaces what an earlier hunt has written, before the search of the first job.
+    /// Replaces the files of an earlier hunt, before the search of the first job.
     pub(super) fn begin(&self) -> Result<(), Failure> {
         if self.jobs.is_empty() {
             self.write()?;
@@ -116,7 +116,7 @@ impl Summary {
     }
 }
 
-/// What came of a job, in words.
+/// Result of a job as text.
 fn text_of(hunt: &Hunt<'_>) -> String {
     let state = &hunt.state;
     let count = |stage| state.counts.get(&stage).copied().unwrap_or_default();
@@ -138,7 +138,7 @@ fn text_of(hunt: &Hunt<'_>) -> String {
         counted(hunt.reactions(), "reaction"),
         counted(random.runs, "random schedule"),
     );
-    // What has no verdict says nothing.
+    // Runs without a verdict do not count.
     match (random.runs - random.without_verdict, random.failed) {
         (0, _) => {}
         // The rule of three: the bound that holds with a confidence of 95 %.

@@ -23,7 +23,7 @@ use super::moments::{Moment, Samples};
 use super::player::{MOST_FAULTS, Player, Seen, records};
 use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, counted, kinds, step_name};
 
-/// Most runs of a round. What is played next depends on whole rounds only.
+/// Most runs in a round. The choice of the next runs depends on complete rounds only.
 const ROUND: u64 = 16;
 /// The stages with their shares of the runs.
 const STAGES: [(StageArg, u64); 3] = [
@@ -31,11 +31,11 @@ const STAGES: [(StageArg, u64); 3] = [
     (StageArg::Further, 30),
     (StageArg::Random, 15),
 ];
-/// What is proposed may have been played; so often another is asked for.
+/// Most attempts to find a schedule that was not played before.
 const MOST_REPEATS: usize = 20;
 /// Time between two single faults of a run, ms.
 const PAUSE: u64 = 500;
-/// Weight of what has led to nothing new, beside one that always does.
+/// Weight of a choice that has led to nothing new; one that always does has weight 1.
 const LEAST_WEIGHT: f64 = 0.5;
 
 /// A schedule to be played.
@@ -44,13 +44,13 @@ pub(super) struct Planned {
     pub(super) schedule: Vec<Fault>,
     /// Kind, form and moment of each fault, if they are single ones.
     pub(super) cells: Vec<(usize, usize, usize)>,
-    /// The client had ended before it began, in a run with others.
+    /// Set if the client had ended before it began, in a run with others.
     was_late: bool,
-    /// The class of the reactions that it follows up, and the kind of the last fault.
+    /// Class of the reactions that it follows up, and kind of the last fault.
     follows: Option<(u64, usize)>,
 }
 
-/// A schedule, and when the client reacted to it.
+/// A schedule, and the times at which the client reacted to it.
 type First = (Vec<Fault>, Vec<u64>);
 
 /// A schedule that was played.
@@ -59,7 +59,7 @@ pub(super) struct Tried {
     pub(super) seen: Seen,
 }
 
-/// How often something was tried, and how often that led to something new.
+/// Number of tries, and number of those that led to something new.
 #[derive(Clone, Copy, Default)]
 struct Arm {
     plays: f64,
@@ -71,24 +71,24 @@ impl Arm {
         LEAST_WEIGHT + self.gains / self.plays.max(1.0)
     }
 
-    /// The one with the lowest is next, so that each is tried in proportion to its weight.
+    /// The lowest is next, so that each is tried in proportion to its weight.
     fn turn(self) -> f64 {
         self.plays / self.weight()
     }
 }
 
-/// Single faults of a kind that are left to try, and what came of those before.
+/// Single faults of a kind that are still to be tried, and the results of those before.
 #[derive(Default)]
 struct Column {
     left: Vec<Planned>,
     arm: Arm,
     /// Form, moment and duration of those that hit nothing.
     idle: Vec<(usize, usize, u64)>,
-    /// As a further fault.
+    /// Tries as a further fault.
     further: Arm,
 }
 
-/// How many runs a stage has had.
+/// Number of runs of a stage.
 #[derive(Clone, Copy, Default, Serialize)]
 pub(super) struct Count {
     pub(super) runs: u64,
@@ -106,27 +106,27 @@ pub(super) struct State {
     pub(super) tried: Vec<Tried>,
     /// Without faults.
     pub(super) usual: Seen,
-    /// The smallest margin of each rule that came nearer than that.
+    /// Smallest margin of each rule that came nearer than without faults.
     nearest: BTreeMap<String, f64>,
-    /// Digests of what was played, and of what the client sent.
+    /// Digests of the schedules that were played, and of the client's messages.
     planned: BTreeSet<u64>,
     sent: BTreeSet<u64>,
     columns: Vec<Column>,
-    /// What may be followed up, by the class of the reactions.
+    /// Schedules to follow up, by the class of the reactions.
     firsts: BTreeMap<u64, (Vec<First>, Arm)>,
     pub(super) found: Vec<Found>,
-    /// Kinds that broke each rule, as they were found and made smaller.
+    /// Kinds that broke each rule, as found and as reduced.
     pub(super) per_rule: BTreeMap<String, Vec<Vec<String>>>,
     /// By key: the rule in words, and how often.
     pub(super) unavoidable: BTreeMap<String, (String, u64)>,
     pub(super) counts: BTreeMap<StageArg, Count>,
 }
 
-/// A finding that was written, or could not be shown to be one.
+/// A finding that was written, or a failure that is not repeatable.
 #[derive(Debug, Serialize)]
 pub(super) struct Found {
     pub(super) rule: String,
-    /// By this the same failure of other runs is known.
+    /// Identifies the same failure of other runs.
     #[serde(skip)]
     pub(super) key: String,
     pub(super) failure: String,
@@ -222,8 +222,7 @@ impl Hunt<'_> {
         Ok(())
     }
 
-    /// Returns whether the devices of the job can have a fault, also those that only the running device
-    /// refuses.
+    /// Returns whether the devices of the job can have a fault. It asks running devices, which refuse some faults.
     fn can_have(&self, fault: Fault) -> bool {
         let options = RunOptions {
             seed: self.player.seed,
@@ -248,7 +247,7 @@ impl Hunt<'_> {
         })
     }
 
-    /// The single faults of a kind, the next one last: all moments once before any twice.
+    /// The single faults of a kind, the next one last. Every moment comes once before any comes twice.
     fn column(&mut self, kind: usize) -> Column {
         let forms = self.state.kinds[kind].forms.iter().enumerate();
         let ways = forms.flat_map(|(form, of)| of.lasts.iter().map(move |lasts| (form, *lasts)));
@@ -295,7 +294,7 @@ impl Hunt<'_> {
         let mut stages = STAGES.to_vec();
         stages.retain(|(stage, _)| asked.is_empty() || asked.contains(stage));
         while self.state.spent < self.budget && !self.is_enough() {
-            // Of a small budget, each stage has a share, too.
+            // Each stage has a share of a small budget, too.
             let most = (self.budget / 8).clamp(1, ROUND);
             let most = most.min(self.budget - self.state.spent);
             // Every kind once before anything else; then each stage in proportion to its share.
@@ -356,7 +355,7 @@ impl Hunt<'_> {
         round
     }
 
-    /// Plays a round, learns from it, and looks into what was found.
+    /// Plays a round, updates the weights, and examines failures.
     fn round(&mut self, stage: StageArg, round: Vec<Planned>) -> Result<(), Failure> {
         let texts = round.iter().map(|one| self.frame.document(&one.schedule));
         let results = self.player.play(&texts.collect::<Vec<_>>())?;
@@ -412,7 +411,7 @@ impl Hunt<'_> {
             } else if seen.hit.get(index) == Some(&true) {
                 column.arm.gains += gain;
             } else if index == 0 {
-                // What a second fault would hit may have been gone by the first.
+                // The first fault may have removed the target of the second.
                 column.idle.push((cell.1, cell.2, fault.lasts));
             }
         }
@@ -439,8 +438,8 @@ impl Hunt<'_> {
         state.tried.push(Tried { planned, seen });
     }
 
-    /// The next single faults: two that do not meet, if there are. What fails is made smaller, so that only
-    /// the one remains that it takes.
+    /// The next single faults: two that do not overlap, if possible. A failure is reduced to the one that causes
+    /// it.
     fn single_faults(&mut self) -> Option<Planned> {
         let one = self.single_fault(None)?;
         let other = match self.args.max_faults {
@@ -456,7 +455,7 @@ impl Hunt<'_> {
         })
     }
 
-    /// When a single fault begins and leaves room for others, if the client does as without faults.
+    /// Start of a single fault, and the time from which others fit, if the client acts as without faults.
     fn time_of(&self, one: &Planned) -> (u64, u64) {
         let begins = self.state.moments[one.cells[0].2].at;
         let ends = begins.saturating_add(one.schedule[0].lasts);
@@ -464,8 +463,8 @@ impl Hunt<'_> {
         (from, ends.saturating_add(PAUSE))
     }
 
-    /// The next single fault of the kind whose turn it is, but for those that cannot hit anything. It is of
-    /// another kind than the `other`, and does not meet it.
+    /// The next single fault of the kind whose turn it is, except those that cannot hit anything. Its kind differs
+    /// from that of `other`, and the two do not overlap.
     fn single_fault(&mut self, other: Option<&Planned>) -> Option<Planned> {
         let taken = other.map(|other| (other.cells[0].0, self.time_of(other)));
         let mut best: Option<(f64, usize, usize)> = None;
@@ -495,7 +494,7 @@ impl Hunt<'_> {
         Some(column.left.remove(index))
     }
 
-    /// A further fault while the client reacts to those before, or between two things that it does then.
+    /// A further fault while the client reacts to earlier ones, or between two of its actions.
     fn further_fault(&mut self) -> Option<Planned> {
         let state = &mut self.state;
         let turn = |(_, (_, arm)): &(&u64, &mut (Vec<_>, Arm))| arm.turn();
@@ -531,7 +530,7 @@ impl Hunt<'_> {
         })
     }
 
-    /// Some faults of a random half of the kinds, at random times.
+    /// Random faults at random times, from a random half of the kinds.
     fn random_schedule(&mut self) -> Planned {
         let (state, noise) = (&self.state, &mut self.noise);
         let mut half: Vec<&Kind> = state.kinds.iter().collect();

@@ -13,10 +13,10 @@ use toml::{Table, Value as Toml};
 
 /// Durations to try unless a kind declares others, ms; 0 is for good.
 const LASTS: &[u64] = &[50, 300, 2000, 0];
-/// Keys of rules in a file, and the one of what they may name.
+/// Keys of rules in a file, and the key of parameters, which rules may name.
 const RULES: [&str; 3] = ["always", "never", "response"];
 const PARAMETERS: &str = "parameters";
-/// Duration of what does not end, ms.
+/// Duration of a fault that does not end, ms.
 pub(super) const FOR_GOOD: u64 = u64::MAX;
 
 /// A kind of fault or action on a device, with the forms of it to try.
@@ -31,7 +31,7 @@ pub(super) struct Kind {
 /// A set of parameters of a kind, with the durations to try.
 #[derive(Debug, Clone)]
 pub(super) struct Form {
-    /// Line of the step that says what it does.
+    /// The line of the step with the action.
     pub(super) action: String,
     /// In milliseconds.
     pub(super) lasts: Vec<u64>,
@@ -79,7 +79,7 @@ impl Fault {
         format!("{}{parameters}{lasts}, {}", self.kind, self.trigger)
     }
 
-    /// What the action says beside its kind, as in a scenario file.
+    /// The action's parameters, as in a scenario file.
     fn parameters(&self) -> Option<&str> {
         let (_, behind) = self.action.split_once(self.kind)?;
         let all = behind.strip_suffix(" }").unwrap_or(behind);
@@ -88,19 +88,19 @@ impl Fault {
         Some(all).filter(|all| !all.is_empty())
     }
 
-    /// Returns whether it lasts longer than this, in ms. What is counted ends by itself.
+    /// Returns whether it lasts longer than this, in ms. A fault with a count ends by itself.
     pub(super) fn is_longer(&self, millis: u64) -> bool {
         count(&self.action).is_none() && self.lasts > millis
     }
 }
 
-/// How often an action happens, if that is counted.
+/// The count of an action, if it has one.
 fn count(action: &str) -> Option<&str> {
     let (_, count) = action.split_once("count = ")?;
     count.split([',', ' ']).next()
 }
 
-/// So many of these, in words.
+/// A number with its noun, as text.
 pub(super) fn counted<T: fmt::Display + PartialEq + From<u8>>(count: T, what: &str) -> String {
     let plural = if count == T::from(1) { "" } else { "s" };
     format!("{count} {what}{plural}")
@@ -139,8 +139,8 @@ impl Kind {
     }
 }
 
-/// Every kind of fault, and of action of a person, that the devices of a scenario may have. `sent` are
-/// the devices and ids of the messages that the client sends without faults.
+/// Every kind of fault and of operator action that the devices of a scenario may have. `sent` has the devices
+/// and ids of the messages that the client sends without faults.
 pub(super) fn kinds(scenario: &Scenario, only: &[String], sent: &[(usize, u8)]) -> Vec<Kind> {
     let mut kinds = Vec::new();
     for (index, plan) in scenario.rig.devices.iter().enumerate() {
@@ -163,7 +163,7 @@ pub(super) fn kinds(scenario: &Scenario, only: &[String], sent: &[(usize, u8)]) 
     kinds
 }
 
-/// What a declaration says is worth trying, and the usual one of it on each target.
+/// The forms that a declaration lists for a search, and the usual one on each target.
 fn forms(info: &EffectInfo, targets: &[(&str, String)]) -> Vec<Form> {
     let (id, key) = (info.id, info.level.key());
     let lasts = if info.lasts.is_empty() {
@@ -199,7 +199,7 @@ fn forms(info: &EffectInfo, targets: &[(&str, String)]) -> Vec<Form> {
     sets.into_iter().map(form).collect()
 }
 
-/// What all files of a search have in common.
+/// The common part of all files of a search.
 #[derive(Debug, Clone)]
 pub(super) struct Frame {
     job: PathBuf,
@@ -236,7 +236,7 @@ impl Frame {
         all.into_iter().map(frame).collect()
     }
 
-    /// The scenario file of a schedule, to be played and not to be kept.
+    /// The scenario file of a schedule, which is played and not kept.
     pub(super) fn document(&self, schedule: &[Fault]) -> String {
         self.file(
             schedule,
@@ -305,7 +305,7 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
 /// Adds the rules and responses of a file, and the parameters that they have.
 ///
 /// # Errors
-/// When it is no TOML, or has none.
+/// When it is not TOML, or has none.
 pub(super) fn add_rules(rules: &mut Table, text: &str) -> anyhow::Result<()> {
     let table: Table = text.parse()?;
     if !RULES.iter().any(|key| table.contains_key(*key)) {

@@ -1,4 +1,4 @@
-//! Captures made elsewhere, read into a recording.
+//! Captures of other programs, read into a recording.
 
 mod usb;
 
@@ -79,7 +79,7 @@ fn records(
 }
 
 struct Row {
-    /// ns, from an arbitrary time on.
+    /// ns since an arbitrary time.
     at: i128,
     by_client: bool,
     link: usize,
@@ -108,17 +108,18 @@ fn row(line: &str, links: usize) -> anyhow::Result<Row> {
         "vehicle" => false,
         _ => {
             return Err(anyhow!(
-                "`{side}` is no direction; allowed: client, vehicle"
+                "`{side}` is not a direction; allowed: client, vehicle"
             ));
         }
     };
     let digits = bytes.chars().filter(|c| !c.is_ascii_whitespace());
     let read = read_hex(digits).filter(|read| !read.is_empty());
     Ok(Row {
-        at: nanoseconds(seconds).ok_or_else(|| anyhow!("`{seconds}` is no time in seconds"))?,
+        at: nanoseconds(seconds).ok_or_else(|| anyhow!("`{seconds}` is not a time in seconds"))?,
         by_client,
         link,
-        bytes: read.ok_or_else(|| anyhow!("`{bytes}` is no bytes: pairs of hexadecimal digits"))?,
+        bytes: read
+            .ok_or_else(|| anyhow!("`{bytes}` is not bytes: pairs of hexadecimal digits"))?,
     })
 }
 

@@ -17,8 +17,7 @@ use crate::exit::{Exit, Failure};
 use crate::print::{OutputFile, print};
 use crate::visible;
 
-/// Most requests that are compared at a time. Hundreds of plays are kept, of some 200 bytes for each request
-/// in each of them.
+/// Most requests that are compared at a time. Each takes some 200 bytes in each of hundreds of plays.
 const MOST_SLOTS: usize = 10_000;
 
 /// The `compare` subcommand.

@@ -4,22 +4,22 @@ use rigsim_core::event::{Code, read_hex};
 
 use super::plan::Manoeuvre;
 
-/// What a manoeuvre may take longer or shorter: a part of its time, and ns.
+/// Tolerance of a manoeuvre's duration: a fraction of it, and ns.
 const TOLERANCE: (u64, u64) = (10, 1_000_000_000);
 
 rigsim_core::codes! {
     /// The client may perform this manoeuvre now.
     MANOEUVRE_NEXT = "manoeuvre_next", Notice, NoParty;
-    /// It has performed one.
+    /// It has performed a manoeuvre.
     MANOEUVRE_DONE = "manoeuvre_done", Notice, NoParty;
-    /// It has sent the bytes of one, faster or slower than planned.
+    /// It has sent the bytes of a manoeuvre, but faster or slower than planned.
     MANOEUVRE_REFUSED = "manoeuvre_refused", Notice, NoParty;
 }
 
-/// Follows what a client sends.
+/// Compares what a client sends with the plan.
 pub(super) struct Guide {
     parts: Vec<Part>,
-    /// Bytes that came last on each link, with their times, ns; at least as many as any manoeuvre has.
+    /// The last bytes of each link with their times, ns; at least as many as any manoeuvre has.
     tails: Vec<(Vec<u8>, Vec<u64>)>,
     most: usize,
 }
@@ -28,9 +28,9 @@ struct Part {
     name: String,
     /// What to do, in words.
     text: String,
-    /// For each link its bytes, the time from the first to the last of them, ns, and when they came.
+    /// For each link its bytes, their duration and arrival, both in ns.
     links: Vec<(Vec<u8>, u64, Option<u64>)>,
-    /// All of it, ns.
+    /// Duration, ns.
     time: u64,
     is_done: bool,
 }
@@ -50,19 +50,19 @@ impl Guide {
         }
     }
 
-    /// What is to be done next.
+    /// The next manoeuvre.
     pub(super) fn next(&self) -> Option<(Code, String)> {
         let next = self.parts.iter().find(|part| !part.is_done)?;
         Some((MANOEUVRE_NEXT, next.text.clone()))
     }
 
-    /// What was not done.
+    /// The manoeuvres that were not performed.
     pub(super) fn missing(&self) -> Vec<&str> {
         let missing = self.parts.iter().filter(|part| !part.is_done);
         missing.map(|part| part.name.as_str()).collect()
     }
 
-    /// Takes what came on a link at a time, ns; returns what is to be said.
+    /// Handles bytes of a link that came at this time, ns; returns what to report.
     pub(super) fn client_sent(&mut self, link: usize, t: u64, bytes: &[u8]) -> Vec<(Code, String)> {
         let mut said = Vec::new();
         let (tail, times) = &mut self.tails[link];

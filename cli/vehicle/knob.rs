@@ -3,16 +3,16 @@
 use rigsim_core::settings::SimSettings;
 use rigsim_settings::{Basis, Entry, Problem, Settings as _, parse_assignment, parse_quantity};
 
-/// First change of a time that is 0 by default, s.
+/// First step of a time that is 0 by default, s.
 const TIME_STEP: f64 = 0.01;
-/// First change of other numbers, as a part of their value, or of their range if that is 0.
+/// First step of other numbers, as a fraction of their value, or of their range if the value is 0.
 const STEP: f64 = 0.2;
 
-/// Parts of the names of settings that only say how far chance goes.
+/// Parts of the names of settings that only set the amount of noise.
 const CHANCE: [&str; 3] = [".noise.", ".tolerance.", "spread"];
-/// Settings of the calculation, which no vehicle has.
+/// Settings of the calculation, which are not properties of a vehicle.
 const OF_THE_MODEL: [&str; 2] = ["world.step", "world.tolerances"];
-/// Speeds that a line is tried with: those that are usual.
+/// The usual baud rates, which are tried.
 const SPEEDS: [u32; 6] = [9_600, 19_200, 38_400, 57_600, 115_200, 230_400];
 
 /// A setting, or one number of a version.
@@ -21,25 +21,25 @@ pub(super) struct Knob {
     pub(super) key: String,
     pub(super) basis: Basis,
     pub(super) default: String,
-    /// The literals of which it is one; none for a number.
+    /// The allowed literals; empty for a number.
     pub(super) choices: Vec<String>,
-    /// How much a number is first changed; 0 for a choice.
+    /// First step of a number; 0 for a choice.
     pub(super) step: f64,
-    /// How much that is of its value, if it is changed by factors.
+    /// The same as a fraction of its value, if it is changed by factors.
     ratio: Option<f64>,
-    /// Set if it only says how far chance goes.
+    /// Set if it only sets the amount of noise.
     pub(super) is_chance: bool,
     form: Form,
 }
 
-/// How it is written.
+/// Form of its literal.
 #[derive(Debug, Clone)]
 enum Form {
     Choice,
     /// A number with its unit; empty for none.
     One(String),
     Whole(String),
-    /// A factor of all of these, which have this unit.
+    /// A common factor of these numbers, which have this unit.
     Scaled(Vec<f64>, String),
     /// One part of a version.
     Part(usize),
@@ -126,7 +126,7 @@ impl Knob {
 
     /// The number as a literal, where the others of a version stand in `settings`.
     pub(super) fn literal(&self, settings: &SimSettings, number: f64) -> String {
-        // What is finer is not found.
+        // Finer differences cannot be found.
         let number = format!("{number:.4e}").parse().unwrap_or(number);
         match &self.form {
             Form::Choice => self.default.clone(),
@@ -169,7 +169,7 @@ impl Knob {
         self.ratio.is_some()
     }
 
-    /// The number that is so many of its steps beyond another.
+    /// The number that is this many steps above another.
     pub(super) fn beyond(&self, number: f64, steps: f64) -> f64 {
         match self.ratio {
             Some(ratio) if number > 0.0 => number * (ratio * steps).exp(),
@@ -177,7 +177,7 @@ impl Knob {
         }
     }
 
-    /// How many of its steps a number is beyond another.
+    /// How many steps a number is above another.
     pub(super) fn steps_between(&self, from: f64, to: f64) -> f64 {
         match self.ratio {
             Some(ratio) if from > 0.0 && to > 0.0 => (to / from).ln() / ratio,
@@ -185,7 +185,7 @@ impl Knob {
         }
     }
 
-    /// The settings with this number so many steps off, or by as much of that as is allowed.
+    /// The settings with this number moved by this many steps, or as far as is allowed.
     pub(super) fn moved(&self, settings: &SimSettings, steps: f64) -> Option<SimSettings> {
         let number = self.number_in(settings);
         let parts = [1.0, 0.5, 0.25, 0.1].into_iter();

@@ -1,4 +1,4 @@
-//! The page of a tap: a model gets what the client sends, and what the vehicle replies counts as its replies.
+//! The page of a tap: a model gets what the client sends, and the vehicle's replies stand for its own.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -23,11 +23,11 @@ use crate::print::complain;
 use crate::scenario_files::Loaded;
 use crate::start::announce_control;
 
-/// Most pieces of the recording that wait to be shown; further ones are left out.
+/// Most pieces of the recording in the queue; further ones are not shown.
 const MOST_WAITING: usize = 1 << 12;
-/// Pieces that are shown before requests have their turn.
+/// Pieces that are shown between two rounds of requests.
 const MOST_AT_ONCE: usize = 64;
-/// Interval at which the model goes on and requests are answered.
+/// Interval at which the model advances and requests are answered.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Something to show.
@@ -38,7 +38,7 @@ pub(super) enum Piece {
     Event(u64, EventKind),
 }
 
-/// A thread that shows what passes. Bytes never wait for it.
+/// A thread that shows the traffic. Bytes never wait for it.
 pub(super) struct Live {
     pieces: Option<Channel<Piece>>,
     missed: u64,
@@ -101,7 +101,7 @@ impl Live {
         })
     }
 
-    /// Shows this, unless too much waits.
+    /// Shows this, unless the queue is full.
     pub(super) fn show(&mut self, piece: Piece) {
         let pieces = self.pieces.as_ref();
         self.missed += u64::from(pieces.is_some_and(|pieces| pieces.try_send(piece).is_err()));
@@ -111,7 +111,7 @@ impl Live {
 impl Drop for Live {
     fn drop(&mut self) {
         self.pieces = None;
-        // It has complained if it panicked.
+        // A panic has been reported already.
         let _ = self.thread.take().map(JoinHandle::join);
         if self.missed > 0 {
             let missed = self.missed;

@@ -1,28 +1,28 @@
-//! What the model answers, how far it scatters by chance, and how well a recording fits it.
+//! The model's replies, their scatter by chance, and how well a recording fits them.
 
 use std::collections::BTreeMap;
 
 use super::recording::{Channel, Recording, Reply, Seen, Slot, channels, middle};
 
-/// Cost of a bit that differs, and of each value of a reply that is there on one side only.
+/// Cost of a bit that differs, and of each value of a reply that only one side has.
 pub(super) const DIFFERENT: f64 = 36.0;
-/// Deviation from which on the cost grows more slowly, in standard deviations.
+/// Deviation above which the cost grows more slowly, in standard deviations.
 const HUBER: f64 = 3.0;
-/// Deviation that is no chance, in standard deviations.
+/// Deviation that chance does not explain, in standard deviations.
 const FAR: f64 = 30.0;
-/// Differences of the time to reply that a computer and its adapter explain, ms.
+/// Differences of the reply time that a computer and its adapter explain, ms.
 const ADAPTER: f64 = 2.0;
 
-/// What a slot has by the model: of some plays that differ by chance.
+/// The model's replies to a slot, from several plays that differ by chance.
 #[derive(Debug, Clone)]
 pub(super) struct Cell {
-    /// Whether there is a reply; `None` if that is chance.
+    /// Whether there is a reply; `None` if that is random.
     pub(super) answers: Option<bool>,
     pub(super) form: Option<(&'static str, Option<u8>, usize)>,
     pub(super) mean: Vec<f64>,
-    /// Standard deviations; infinite for a bit that is chance.
+    /// Standard deviations; infinite for a random bit.
     pub(super) sd: Vec<f64>,
-    /// Variance of the mean, which without noise is another, since noise has ends and pulses are whole.
+    /// Variance of the mean. Without noise the mean differs: noise is limited, and pulses are whole.
     off: Vec<f64>,
 }
 
@@ -91,7 +91,7 @@ pub(super) fn cells(
         for channel in 0..cells[at].sd.len() {
             let info = layout.of_form(cells[at].form).get(channel);
             if info.is_none_or(|info| info.is_choice) {
-                // In real time it may change a little sooner or later than in the model.
+                // In real time it may change slightly earlier or later than in the model.
                 if let Some(before) = before.filter(|_| recording.is_real)
                     && plain[before].1[channel] != plain[at].1[channel]
                 {
@@ -100,12 +100,12 @@ pub(super) fn cells(
                 }
                 continue;
             }
-            // How fast it changes, by which a command that comes a little later or earlier shows.
+            // Rate of change: it shows a command that comes a little later or earlier.
             let slope = before.map_or(0.0, |before| {
                 let span = (plain[at].0 - plain[before].0) as f64 / 1e6;
                 (plain[at].1[channel] - plain[before].1[channel]).abs() / span.max(1.0)
             });
-            // Of so few plays, one reply has about that of all.
+            // With so few plays, one reply scatters about as much as all.
             let usual = usual[&(cells[at].form, channel)];
             let sd = cells[at].sd[channel];
             let sd = if sd > 2.0 * usual { sd } else { usual };
@@ -121,7 +121,7 @@ pub(super) fn cells(
             cells[at].sd[channel] = (sd * sd + off + round + jitter * jitter + 1e-6).sqrt();
         }
     }
-    // A vehicle that is played is as noisy as the model.
+    // A simulated vehicle is as noisy as the model.
     if recording.is_real {
         add_noise(&mut cells, recording);
     }
@@ -134,8 +134,8 @@ fn usual(all: &[f64]) -> f64 {
     middle(&scatter).0 / 0.93
 }
 
-/// Widens the scatter of channels that is wider in the recording than in the model: that is noise of the
-/// vehicle's. It is how far a reply is off the middle of its neighbours, whatever the model does.
+/// Widens the scatter of a channel if the recording scatters more than the model: the vehicle has more noise.
+/// It is measured without the model, by the distance of a reply from the middle of its neighbours.
 fn add_noise(cells: &mut [Cell], recording: &Recording) {
     let mut values: BTreeMap<_, Vec<f64>> = BTreeMap::new();
     for (cell, seen) in cells.iter().zip(&recording.seen) {
@@ -149,7 +149,7 @@ fn add_noise(cells: &mut [Cell], recording: &Recording) {
     for values in values.values_mut() {
         let bends = values.windows(3);
         let bends: Vec<f64> = bends.map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()).collect();
-        // The median of what is normal, and the spread of such a sum.
+        // The median of a normal distribution, and the spread of such a sum.
         *values = vec![(middle(&bends).0 / (0.6745 * 6.0_f64.sqrt())).max(1.0)];
     }
     for cell in cells {
@@ -160,7 +160,7 @@ fn add_noise(cells: &mut [Cell], recording: &Recording) {
     }
 }
 
-/// How much times to reply of the recording scatter more than those of the model, ms.
+/// How much more the recording's reply times scatter than the model's, ms.
 fn jitter(recording: &Recording, cells: &[Cell]) -> f64 {
     if !recording.is_real {
         return 0.0;
@@ -217,7 +217,7 @@ impl Cell {
         }
     }
 
-    /// It with `part` of the change between two plays by the same chance.
+    /// The cell with `part` of the change between two plays with the same seed.
     pub(super) fn shifted(
         &self,
         from: Option<&Reply>,
@@ -251,8 +251,8 @@ impl Cell {
         }
     }
 
-    /// Signs, at most three, that a reply is none of the model's: it is there on one side only, has another
-    /// form, other bits, or values that are far from the model's.
+    /// Signs, at most three, that the model would not send a reply: only one side has it, or its form, its
+    /// bits or its values differ.
     pub(super) fn contradictions(&self, seen: Option<&Reply>, layout: &Layout) -> usize {
         let same = seen.filter(|seen| Some(seen.form) == self.form);
         match (self.answers, same) {
@@ -263,7 +263,7 @@ impl Cell {
                     let far = if info.is_choice { 0.0 } else { FAR };
                     (seen.values[*at] - self.mean[*at]).abs() > far * self.sd[*at]
                 };
-                // Nothing is far from a bit that is chance.
+                // No value is far from a random bit.
                 channels
                     .filter(|(at, _)| self.sd[*at].is_finite())
                     .filter(differs)
@@ -274,8 +274,8 @@ impl Cell {
         }
     }
 
-    /// How badly a reply fits it. What is far off costs little more than what is twice as far, but more: a
-    /// change that leaves it half as far off shows.
+    /// Cost of a reply. Far off, the cost grows slowly, but it grows: a change that halves a large deviation
+    /// still shows.
     pub(super) fn cost(&self, seen: Option<&Reply>, layout: &Layout, is_real: bool) -> f64 {
         let numbers =
             seen.filter(|seen| Some(seen.form) == self.form && self.answers != Some(false));
@@ -288,7 +288,7 @@ impl Cell {
         self.cost_of_form(seen, layout) + each.sum::<f64>()
     }
 
-    /// The part of its cost that is of bits, and of what is there on one side only.
+    /// The part of its cost that comes from bits and from what only one side has.
     pub(super) fn cost_of_form(&self, seen: Option<&Reply>, layout: &Layout) -> f64 {
         let absent = |values: &[f64]| DIFFERENT * (1.0 + values.len() as f64);
         match (seen, self.answers) {
@@ -318,7 +318,7 @@ pub(super) fn cost(z: f64) -> f64 {
     }
 }
 
-/// What of a difference the machine does not explain.
+/// The part of a difference that the machine does not explain.
 pub(super) fn significant(rest: f64, channel: usize, is_real: bool) -> f64 {
     match (channel, is_real) {
         (0, true) => (rest.abs() - ADAPTER).max(0.0),

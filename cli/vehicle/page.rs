@@ -7,11 +7,11 @@ use crate::run::report_page;
 
 /// Size of a plot, in its own units.
 const SIZE: [f64; 2] = [480.0, 160.0];
-/// A longer time between two values is not drawn across, s.
+/// Longest gap between two values that a line bridges, s.
 const GAP: f64 = 1.0;
 /// A value of time, vehicle and model.
 type Value = fn(&[f64; 3]) -> f64;
-/// What is drawn, what lies on top last, each with the number of its colour.
+/// The series in drawing order, each with the number of its colour.
 const LINES: [(&str, Value, usize); 3] = [
     (
         "difference, around zero",

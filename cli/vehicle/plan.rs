@@ -18,14 +18,14 @@ use crate::exit::Failure;
 #[derive(Debug, Serialize)]
 pub(super) struct Manoeuvre {
     pub(super) name: String,
-    /// What to take care of.
+    /// Safety note.
     pub(super) care: String,
     /// Settings that it identifies, without the id of the device.
     pub(super) touches: Vec<String>,
     pub(super) frames: Vec<PlannedFrame>,
 }
 
-/// Bytes to send, and the time to wait behind them.
+/// Bytes to send, and the time to wait after them.
 #[derive(Debug, Serialize)]
 pub(super) struct PlannedFrame {
     pub(super) link: usize,
@@ -168,7 +168,7 @@ pub(super) fn show(devices: Devices, kind: &str, as_json: bool) -> Result<String
     Ok(text.trim_end().to_owned())
 }
 
-/// In words, which manoeuvre would touch a setting.
+/// Text that names the manoeuvre that a setting acts on.
 pub(super) fn touching(device: &DeviceSpec, key: &str) -> String {
     let settings = (device.settings)();
     let all = manoeuvres(device, &*settings).unwrap_or_default();

@@ -13,21 +13,21 @@ use rigsim_runner::trace::Observer;
 use crate::patient_file::PatientFile;
 
 const COLUMNS: [&str; 4] = ["seconds", "x_m", "y_m", "heading_deg"];
-/// Length of a file, in bytes, and time from its first pose to its last, s.
+/// Limits of a file: length in bytes, and time from its first pose to its last, s.
 const MOST_BYTES: u64 = 64 << 20;
 const MOST_TIME: f64 = 3600.0;
-/// Numbers are smaller than this.
+/// Limit of all numbers.
 const MOST: f64 = 1e10;
-/// Least time between two poses that are compared, ns; a clock of whole milliseconds is no reason to leave
-/// out every other.
+/// Least time between two poses that are compared, ns; a clock of whole milliseconds must not halve the
+/// number of poses.
 pub(super) const APART: u64 = 100_000_000;
 const NEARLY: f64 = 0.098;
-/// Steps by which the offset of a file's clock is found, s.
+/// Step sizes of the search for the offset of a file's clock, s.
 const STEPS: [f64; 3] = [0.1, 0.01, 0.001];
-/// What turning by a radian counts beside driving, m.
+/// Distance that counts like turning by a radian, m.
 const LEVER: f64 = 0.5;
 
-/// Time in s, x and y in m, and the heading in rad, which goes on beyond a turn.
+/// Time in s, x and y in m, heading in rad, which does not wrap.
 pub(super) type TimedPose = [f64; 4];
 
 pub(super) static POSE: MessageInfo = MessageInfo::new(
@@ -51,7 +51,7 @@ const fn field(name: &'static str, unit: &'static str, per: u32) -> FieldInfo {
     }
 }
 
-/// Reads a file of poses, of which those are left out that come soon after another.
+/// Reads a file of poses. A pose soon after another is left out.
 pub(super) fn read(path: &Path) -> anyhow::Result<Vec<TimedPose>> {
     let file = PatientFile::open(path)?.take(MOST_BYTES);
     let mut reader = csv::ReaderBuilder::new()
@@ -82,7 +82,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Vec<TimedPose>> {
             let number = cell.parse().ok();
             *value = number
                 .filter(|number: &f64| number.abs() < MOST)
-                .with_context(|| format!("line {line}, column {name}: `{cell}` is no number"))?;
+                .with_context(|| format!("line {line}, column {name}: `{cell}` is not a number"))?;
         }
         ensure!(row[0] > last, "line {line}, column seconds: time goes back");
         last = row[0];
@@ -109,7 +109,7 @@ fn go_on(last: Option<&TimedPose>, heading: f64) -> f64 {
     })
 }
 
-/// Where the first device is, at each of these times.
+/// Poses of the first device at these times.
 pub(super) struct Track<'t> {
     /// In ns, each later than the one before.
     pub(super) times: &'t [u64],
@@ -138,8 +138,8 @@ fn speed([from, to]: [&TimedPose; 2]) -> f64 {
     ahead / (to[0] - from[0]).max(1e-9)
 }
 
-/// The values of the fields of [`POSE`] on the wire, seen from the mean of the first `still` poses, at which the
-/// vehicle stands.
+/// The fields of [`POSE`] on the wire, relative to the mean of the first `still` poses, at which the vehicle
+/// stands.
 pub(super) fn on_wire(poses: &[TimedPose], still: usize) -> impl Iterator<Item = Vec<f64>> {
     let still = &poses[..still.max(1).min(poses.len())];
     let mean = |at: usize| still.iter().map(|pose| pose[at]).sum::<f64>() / still.len() as f64;
@@ -160,8 +160,8 @@ pub(super) fn on_wire(poses: &[TimedPose], still: usize) -> impl Iterator<Item =
     })
 }
 
-/// The time to add to those of a file, s, by which the vehicle drives and turns when the model does;
-/// `None` if it does not explain half of the model's motion.
+/// Offset of a file's clock, s, at which the vehicle moves when the model does; `None` if it does not explain
+/// half of the model's motion.
 pub(super) fn offset(file: &[TimedPose], model: &[TimedPose]) -> Option<f64> {
     let rates = |poses: &[TimedPose]| {
         let pairs = poses.windows(2).map(|two| {

@@ -19,20 +19,20 @@ use crate::print::complain;
 use crate::recording::Lines;
 use crate::visible;
 
-/// Longest time in which a request is answered, ns.
+/// Longest time to a reply, ns.
 const PATIENCE: u64 = 1_000_000_000;
-/// Time after a stall of the recording machine, or a late reply, in which what changes may be shifted by as
-/// much, ns: the motion has forgotten it then.
+/// Time after a stall of the recording machine, or a late reply, in which changes may be shifted by the
+/// same time, ns. After that the motion no longer depends on it.
 const SETTLING: u64 = 1_500_000_000;
-/// Time before a stall in which what was sent may have waited for it, ns.
+/// Time before a stall in which bytes may have waited for its end, ns.
 const BEFORE: u64 = 200_000_000;
-/// A reply that is later than the usual one of its command by more than this and ten times their spread
-/// was held up, ns; so was the machine, if it was late by that.
+/// A reply was delayed if it is later than usual by more than this, ns, and ten times the spread. The
+/// machine stalled if it was late by this.
 const LATE: u64 = 5_000_000;
-/// In the place of a link, for poses beside the recording.
+/// Stands for the link of poses beside the recording.
 const POSES: usize = usize::MAX;
 
-/// A recording, with the vehicle's side of it.
+/// A recording with the vehicle's replies.
 pub(super) struct Recording {
     devices: Devices,
     header: Header,
@@ -44,9 +44,9 @@ pub(super) struct Recording {
     pub(super) seen: Seen,
     /// Set if it was recorded in real time, where a machine may stall.
     pub(super) is_real: bool,
-    /// Set if anything that the vehicle sent can be read.
+    /// Set if any bytes of the vehicle can be parsed.
     pub(super) is_understood: bool,
-    /// Set if poses are beside it: what was added to their times, s.
+    /// Clock offset of the poses beside it, s, if there are any.
     pub(super) offset: Option<f64>,
     /// When the recording machine stalled, ns.
     stalls: Vec<(u64, u64)>,
@@ -62,15 +62,15 @@ pub(super) struct Slot {
     command: Option<u8>,
     /// The message that is sent by itself.
     own: Option<&'static MessageInfo>,
-    /// It in words.
+    /// Description.
     pub(super) text: String,
     /// Name of the command or message.
     pub(super) name: String,
-    /// Unset if the machine stalled.
+    /// Unset if the machine stalled at that time.
     pub(super) counts: bool,
     /// How long the machine stalled shortly before, ms.
     pub(super) late: f64,
-    /// Set for those that only judge the result of a fit.
+    /// Set if it only judges the result of a fit.
     pub(super) held_out: bool,
 }
 
@@ -117,9 +117,9 @@ pub(super) struct Channel {
     pub(super) unit: &'static str,
     /// Steps on the wire in one unit.
     pub(super) per: f64,
-    /// A bit, a word or a flag, of which no mean is taken.
+    /// Set for a bit, a word or a flag, which have no mean.
     pub(super) is_choice: bool,
-    /// A byte of what is read in hexadecimal, which is rounded from nothing.
+    /// Set for a byte of a hexadecimal value, which is not rounded.
     pub(super) is_hex: bool,
 }
 
@@ -152,7 +152,7 @@ pub(super) fn channels(info: Option<&MessageInfo>) -> Vec<Channel> {
     std::iter::once(wait).chain(of_field).collect()
 }
 
-/// Values that one element of a field is taken apart into: bits, or bytes of what is read in hexadecimal.
+/// Number of values in one element of a field: its bits, or the bytes of a hexadecimal value.
 fn parts(field: &FieldInfo) -> usize {
     match (field.bits.len(), field.hex) {
         (0, true) => field.wire.size(),
@@ -195,10 +195,10 @@ impl Recording {
         let mut lines = Lines::open(path)?;
         let mut records: Vec<Record> = Vec::new();
         while let Some(line) = lines.next()? {
-            // Zeros are what a power cut leaves of the last lines.
+            // A power cut can leave zeros in place of the last lines.
             match serde_json::from_str(line.trim_end_matches('\0')) {
                 Ok(record) => records.push(record),
-                // What was torn off while it was recorded.
+                // The last line may be incomplete.
                 Err(error) if error.is_eof() && lines.next()?.is_none() => {
                     let line = records.len() + 1;
                     complain(&format!(
@@ -308,7 +308,7 @@ impl Recording {
         Ok(recording)
     }
 
-    /// So many parts of several of it, from its beginning on.
+    /// The first `part` of `of` equal parts.
     pub(super) fn beginning(&self, part: usize, of: usize) -> Self {
         let count = (self.slots.len() * part / of).max(1);
         let last = self.slots[count - 1].at;
@@ -325,7 +325,7 @@ impl Recording {
         }
     }
 
-    /// Puts poses beside it. Without an offset, `settings` say when the vehicle moves.
+    /// Adds poses. Without an offset, it is found from the motion of a model with these `settings`.
     pub(super) fn add_poses(
         &mut self,
         poses: &[TimedPose],
@@ -387,7 +387,7 @@ impl Recording {
         Ok(())
     }
 
-    /// What the model with these settings does.
+    /// The replies of the model with these settings.
     pub(super) fn play(&self, settings: &SimSettings, seed: u64) -> Result<Seen, String> {
         let times = self.slots.iter().filter(|slot| slot.is_pose());
         let times: Vec<u64> = times.map(|slot| slot.at).collect();
@@ -404,7 +404,7 @@ impl Recording {
         Ok(seen)
     }
 
-    /// What the model sends, and where it is at these times.
+    /// Frames of the model, and its poses at these times.
     fn replay(
         &self,
         settings: &SimSettings,
@@ -464,8 +464,8 @@ impl Recording {
         }
     }
 
-    /// Puts frames of the device beside what they answer: the last request of their command, or one that
-    /// is none; what it sends by itself beside the nearest of the recording.
+    /// Assigns frames of the device to what they answer: the last request of their command, or bytes that are
+    /// not a request. A message that it sends by itself goes to the nearest one of the recording.
     fn align(&self, frames: Vec<Timed>) -> Seen {
         let mut seen: Seen = self.slots.iter().map(|_| None).collect();
         for timed in frames {
@@ -496,8 +496,8 @@ impl Recording {
         seen
     }
 
-    /// Notes when a reply came later than the line can explain; of a device that sends by itself, when
-    /// what comes most often did.
+    /// Records replies that came later than the line can explain; for a device that sends by itself, its most
+    /// frequent message.
     fn find_stalls(&mut self) {
         if self.device.host.chatters {
             let mut times: std::collections::BTreeMap<_, Vec<u64>> = Default::default();
@@ -508,7 +508,7 @@ impl Recording {
             let waits = often.windows(2).map(|two| (two[1] - two[0]) as f64 / 1e6);
             let (usual, spread) = middle(&waits.clone().collect::<Vec<_>>());
             let late = |wait: f64| (wait - usual) * 1e6;
-            // A longer silence is the vehicle's.
+            // The vehicle causes longer silences.
             let is_late = (LATE as f64 + 10e6 * spread)..PATIENCE as f64;
             let stalls = often
                 .windows(2)
@@ -531,7 +531,7 @@ impl Recording {
     }
 }
 
-/// Leaves out the time in which the recording machine stalled, and notes it for what follows.
+/// Leaves out the time in which the recording machine stalled, and marks the time after it.
 fn leave_out(stalls: &[(u64, u64)], slots: &mut [Slot]) {
     for slot in slots {
         for (from, to) in stalls {
@@ -561,7 +561,7 @@ fn slot(timed: &Timed, device: &DeviceSpec) -> Slot {
     let name = match (info, frame.command) {
         (Some(info), _) => info.name.to_owned(),
         (None, Some(command)) => format!("0x{command:02X}"),
-        (None, None) => "bytes that are no message".to_owned(),
+        (None, None) => "bytes that are not a message".to_owned(),
     };
     Slot {
         at: timed.at,

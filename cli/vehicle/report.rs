@@ -16,21 +16,21 @@ use crate::config;
 
 /// First words of a file of settings that were found.
 pub(super) const MARK: &str = "# Settings by which the model does what was recorded.";
-/// Times by which one series is moved against the other to find how far it lags, ms.
+/// Shifts of one series against the other, by which its lag is found, ms.
 const LAGS: std::ops::RangeInclusive<i32> = -50..=50;
 const LAG_STEP: f64 = 10.0;
-/// What no setting explains, if no reply can be read.
+/// Reported as unexplained if no reply can be read.
 const NOT_UNDERSTOOD: &str =
     "nothing that the vehicle sent can be read: was it on, and was the speed of the line right?";
 
-/// All that is said of recordings.
+/// The report of recordings.
 #[derive(Serialize)]
 pub(super) struct Report {
     /// Share of the recording that took part; the rest was left out for stalls of the machine.
     pub(super) used: f64,
-    /// What was added to the times of poses, s, for each recording that has some.
+    /// Clock offset of the poses of each recording that has some, s.
     pub(super) poses_offsets: Vec<f64>,
-    /// Nothing that is documented is contradicted, and nothing is unexplained.
+    /// Set if no documented value is contradicted, and nothing is unexplained.
     pub(super) is_as_documented: bool,
     pub(super) commands: Vec<CommandRow>,
     pub(super) fields: Vec<FieldRow>,
@@ -47,7 +47,7 @@ pub(super) struct Report {
     written: SimSettings,
 }
 
-/// Cost of the third that the search did not use.
+/// Cost of the third of the recording that the search did not use.
 #[derive(Serialize)]
 pub(super) struct HeldOut {
     pub(super) slots: usize,
@@ -56,7 +56,7 @@ pub(super) struct HeldOut {
     pub(super) fitted: f64,
 }
 
-/// What is of two sides is the vehicle's, then the model's.
+/// Of two values, the first is the vehicle's, the second the model's.
 #[derive(Serialize)]
 pub(super) struct CommandRow {
     name: String,
@@ -75,10 +75,10 @@ pub(super) struct FieldRow {
     pub(super) count: usize,
     pub(super) bias: f64,
     pub(super) rms: f64,
-    /// How much later the vehicle is, ms, if it changes enough to tell.
+    /// Lag of the vehicle, ms, if it changes enough.
     pub(super) lag_ms: Option<f64>,
     pub(super) range: [f64; 2],
-    /// Of a bit or a word: how often it differs, and when first, s.
+    /// For a bit or a word: how often it differs, and the first time, s.
     pub(super) differs: Option<(usize, Option<f64>)>,
     /// Time in s, the vehicle's value, the model's.
     #[serde(skip)]
@@ -91,17 +91,17 @@ pub(super) struct SettingRow {
     pub(super) basis: &'static str,
     pub(super) verdict: &'static str,
     pub(super) value: String,
-    /// The value that explains the recording, if another does.
+    /// Another value that explains the recording.
     pub(super) found: Option<String>,
-    /// Set if it is decided, and makes the third that was not used fit better.
+    /// Set if it is unambiguous, and improves the fit of the third that was not used.
     pub(super) written: bool,
-    /// A number that was found, the ends of its interval of 99 %, and their unit.
+    /// A number, the ends of its 99 % interval, and their unit.
     pub(super) number: Option<(f64, [Option<f64>; 2], String)>,
     #[serde(skip)]
     is_whole: bool,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
-    /// What shows it, or what would.
+    /// The evidence for it, or what would be evidence.
     pub(super) why: String,
 }
 
@@ -124,7 +124,7 @@ impl Report {
                 .iter()
                 .filter_map(|one| one.offset)
                 .collect(),
-            // Where little is left of a recording, what differs may be the machine's.
+            // Where little is left of a recording, the machine may have caused the differences.
             is_as_documented: contradicted.count() == 0
                 && (unexplained.is_empty() || search.used() < ENOUGH),
             commands: commands(search, &findings.assumed),
@@ -216,7 +216,7 @@ impl Report {
         text
     }
 
-    /// What stands above everything if little of the recording takes part.
+    /// Warning at the top if little of the recording takes part.
     fn warning(&self) -> String {
         let left_out = (1.0 - self.used) * 100.0;
         match self.used < ENOUGH {
@@ -302,8 +302,8 @@ impl Report {
         )
     }
 
-    /// The file of settings: what `file` has, and what was found. A single setting that was given for the
-    /// recording, such as a raised vehicle, is none of the vehicle's.
+    /// The file of settings: those of `file`, and those that were found. A setting that was given for the
+    /// recording only, such as a raised vehicle, is not a property of the vehicle.
     pub(super) fn toml(&self, file: &SimSettings) -> String {
         let [given, before, after] = [file, &self.base, &self.written].map(SimSettings::entries);
         let all = given.into_iter().zip(before).zip(after);
@@ -321,7 +321,7 @@ impl Report {
             format!("# {key}: {shown} instead of {value}; {why}\n")
         };
         for line in config::changed_of(entries) {
-            // A version has a reason for each of its parts.
+            // Each part of a version has its own reason.
             let of_knob = written.iter().filter(|row| {
                 let key = row.key.split('[').next().unwrap_or_default();
                 line.split(' ').next() == Some(key)
@@ -371,7 +371,7 @@ impl SettingRow {
                 format!("{} to {} {unit}", short(low), short(high))
             }
             [Some(_), Some(high)] => {
-                // Two digits of what is uncertain.
+                // Two digits of the uncertainty.
                 let half = high - value;
                 let scales = std::iter::successors(Some(10.0), |scale| Some(scale / 10.0));
                 let digits = scales.take(9).position(|scale| half >= scale).unwrap_or(9);
@@ -426,7 +426,7 @@ fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
     }
 }
 
-/// Time and bytes that show best that a setting is another.
+/// Time and bytes that show best that a setting differs.
 fn shown(search: &Search<'_>, findings: &Findings, found: &Found) -> String {
     let (at, slot) = found.shown_by;
     let recording = &search.recordings[at];

@@ -1,7 +1,7 @@
-//! Search for the settings by which the model does what a recording has.
+//! Search for the settings with which the model reproduces a recording.
 //!
-//! One mechanism serves all: every setting is changed, the recording is played again without noise, and what
-//! changes is compared with what is left between recording and model. What is left of plays of the model
+//! One mechanism serves all: each setting is changed, the recording is played again without noise, and the
+//! change is compared with the residual between recording and model. The residual of plays of the model
 //! itself is what chance explains.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,21 +21,20 @@ mod grow;
 mod judge;
 mod numbers;
 
-/// Plays by different chance from which it is known how much the model scatters.
+/// Plays with different seeds, from which the model's scatter is estimated.
 const SEEDS: u64 = 6;
-/// Further such plays, which say how badly one fits that is as the model.
+/// Further plays, which show the cost of a perfect model.
 const FRESH: usize = 2;
-/// Cost that a change has to save at least.
+/// Least cost that a change has to save.
 const MARGIN: f64 = 40.0;
-/// Square of the least change that shows, in standard deviations.
+/// Square of the least visible change, in standard deviations.
 const TOUCHED: f64 = 25.0;
-/// Changes of a number that are tried, in its steps of 20 %: of one, and of so many that it is nearly three
-/// times as great or a third.
+/// Changes of a number that are tried, in steps of 20 %: one step, and about a factor of three.
 const STEPS: [f64; 4] = [1.0, -1.0, 5.5, -5.5];
 /// Share of a recording that has to take part before it contradicts what is documented.
 pub(super) const ENOUGH: f64 = 0.5;
 
-/// What was answered, by recording and slot.
+/// Replies, by recording and slot.
 type Play = Arc<Vec<Seen>>;
 
 /// Everything that the search needs.
@@ -43,7 +42,7 @@ pub(super) struct Search<'a> {
     pub(super) recordings: &'a [Recording],
     pub(super) base: SimSettings,
     pub(super) knobs: Vec<Knob>,
-    /// Settings without which replies are what they are by mean.
+    /// Settings of the noise; without them, each reply has its mean value.
     noise: Vec<Knob>,
     /// The vehicle's answers.
     vehicle: Vec<Seen>,
@@ -56,21 +55,21 @@ pub(super) struct Model {
     pub(super) settings: SimSettings,
     /// By seed.
     members: Vec<Play>,
-    /// By others, from which its scatter was not taken.
+    /// By seeds that did not contribute to its scatter.
     fresh: Vec<Play>,
-    /// Without noise, so that what a change does is seen and no chance.
+    /// Without noise, so that only the effect of a change shows.
     quiet: Play,
     pub(super) cells: Vec<Vec<Arc<Cell>>>,
     pub(super) layout: Arc<Layout>,
 }
 
-/// A changed value of a setting, and what the model does by it without noise.
+/// A changed value of a setting, and its effect on the model without noise.
 struct Trial {
     knob: usize,
     literal: String,
     /// By how much a number differs.
     step: Option<f64>,
-    /// What the model does without and with it.
+    /// The model's replies without and with it.
     from: Play,
     to: Play,
     /// Set if it changes more than chance does.
@@ -81,13 +80,13 @@ struct Trial {
 pub(super) struct Found {
     pub(super) knob: usize,
     pub(super) literal: String,
-    /// A number, and the ends of its interval of 99 %; `None` where what is beyond fits as well.
+    /// A number, and the ends of its 99 % interval; `None` for an open end.
     pub(super) number: Option<(f64, [Option<f64>; 2])>,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
-    /// Cost that it saves, with the others at their best.
+    /// Cost that it saves, with the others at their best values.
     saves: f64,
-    /// What is left of all that it changes beyond chance, and the most that chance leaves.
+    /// Residual of all that it changes, beyond chance, and the most that chance leaves.
     left: [f64; 2],
     /// Recording and slot that show it best.
     pub(super) shown_by: (usize, usize),
@@ -97,12 +96,12 @@ pub(super) struct Found {
 pub(super) struct Findings {
     pub(super) assumed: Model,
     pub(super) found: Vec<Found>,
-    /// The model with all that was found.
+    /// The model with all changes that were found.
     pub(super) model: Model,
     pub(super) verdicts: Vec<Verdict>,
-    /// With what is decided, and makes the third that was not used fit better.
+    /// The model with unambiguous changes that improve the fit of the unused third.
     pub(super) written: SimSettings,
-    /// Cost of that third before, and with what is decided.
+    /// Cost of that third before, and with those changes.
     pub(super) held_out: [f64; 2],
 }
 
@@ -129,7 +128,7 @@ impl Model {
         self.members[0][recording][slot].as_ref()
     }
 
-    /// It with what other settings do without noise.
+    /// The reply with the effect of other settings without noise.
     fn by(&self, settings: SimSettings, quiet: Play) -> Self {
         let mut cells = self.cells.clone();
         let replies = cells.iter_mut().zip(&**self.quiet).zip(&**quiet);
@@ -157,7 +156,7 @@ impl<'a> Search<'a> {
     pub(super) fn new(recordings: &'a [Recording], base: SimSettings, only: &[String]) -> Self {
         let id = recordings[0].device.id;
         let mut noise = Knob::all(&base, id, &[]);
-        // Which vehicle it is of its make is no noise.
+        // Differences between vehicles of one make are not noise.
         noise.retain(|knob| knob.is_chance && !knob.key.contains("tolerance"));
         Self {
             recordings,
@@ -211,7 +210,7 @@ impl<'a> Search<'a> {
         self.cost(model, false) + self.margin() * self.changed(&model.settings).len() as f64
     }
 
-    /// Settings that are another than at first.
+    /// Settings that differ from those at first.
     fn changed(&self, settings: &SimSettings) -> Vec<usize> {
         let entries = |settings: &SimSettings| {
             let entries = settings.entries().into_iter();
@@ -226,14 +225,14 @@ impl<'a> Search<'a> {
         (0..self.knobs.len()).filter(differs).collect()
     }
 
-    /// Share of the recordings that takes part.
+    /// Fraction of the recordings that takes part.
     pub(super) fn used(&self) -> f64 {
         let all = self.recordings.iter().flat_map(|one| &one.slots);
         let used = all.clone().filter(|slot| slot.counts).count();
         used as f64 / all.count() as f64
     }
 
-    /// Plays settings with seeds, in threads. What is the same as `like` takes no further memory.
+    /// Plays settings with seeds, in threads. Replies equal to those in `like` take no further memory.
     fn play(&self, jobs: &[(&SimSettings, u64)], like: Option<&Play>) -> Result<Vec<Play>, String> {
         let next = AtomicUsize::new(0);
         let played: Vec<_> = jobs.iter().map(|_| OnceLock::new()).collect();
@@ -262,7 +261,7 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// The model with these settings, and with so many times its scatter.
+    /// The model with these settings, and its scatter times a factor.
     pub(super) fn model(&self, settings: &SimSettings, scale: f64) -> Result<Model, String> {
         let quiet = self.quiet(settings.clone());
         let seeds = (0..SEEDS + FRESH as u64).map(|seed| (settings, seed));
@@ -311,7 +310,7 @@ impl<'a> Search<'a> {
         settings
     }
 
-    /// Cost that a change has to save; more where a machine may have spoiled some replies.
+    /// Cost that a change has to save; higher where a machine may have disturbed some replies.
     fn margin(&self) -> f64 {
         if self.is_real() { 2.0 * MARGIN } else { MARGIN }
     }
@@ -320,8 +319,8 @@ impl<'a> Search<'a> {
         self.recordings.iter().any(|recording| recording.is_real)
     }
 
-    /// Each other value of each choice, and each number with a small and a large step up and down; none of
-    /// settings that do nothing.
+    /// Each other value of each choice, and each number a small and a large step up and down. Settings without
+    /// effect are left out.
     fn trials(&self, model: &Model, idle: &BTreeSet<usize>) -> Result<Vec<Trial>, String> {
         let mut planned = Vec::new();
         let knobs = self.knobs.iter().enumerate();
@@ -376,8 +375,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Requests with replies that no setting explains: in form, in bits, or far beyond any scatter. Where no
-    /// single one has enough of them, all of a name together.
+    /// Requests with replies that no setting explains: in form, in bits, or far beyond any scatter. If no single
+    /// request has enough of them, those of the same name count together.
     pub(super) fn unexplained(&self, model: &Model) -> Vec<String> {
         let mut counts: BTreeMap<[&str; 2], (usize, usize, usize, u64)> = Default::default();
         for (at, slot) in self.slots(false).chain(self.slots(true)) {
@@ -416,7 +415,7 @@ impl<'a> Search<'a> {
         some.map(words).collect()
     }
 
-    /// Cost of a play of other chance.
+    /// Cost of a play with another seed.
     fn cost_of(&self, model: &Model, seen: &[Seen]) -> f64 {
         let cost = |(at, slot): (usize, usize)| {
             let (cell, is_real) = (&model.cells[at][slot], self.recordings[at].is_real);
@@ -450,7 +449,7 @@ impl<'a> Search<'a> {
         self.total(each)
     }
 
-    /// The sum; of what a machine recorded without the greatest, which may be its fault.
+    /// The sum; in real time without the greatest, which the machine may have caused.
     fn total(&self, saved: impl Iterator<Item = f64>) -> f64 {
         let (sum, most) = saved.fold((0.0, 0.0_f64), |(sum, most), saved| {
             (sum + saved, most.max(saved))
@@ -458,7 +457,7 @@ impl<'a> Search<'a> {
         if self.is_real() { sum - most } else { sum }
     }
 
-    /// Cost that one model saves beside another.
+    /// Cost that one model saves compared with another.
     fn gain(&self, before: &Model, after: &Model) -> f64 {
         self.total(self.slots(false).map(|at| self.saved_at(before, after, at)))
     }

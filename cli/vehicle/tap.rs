@@ -1,7 +1,7 @@
-//! Between a client and a real vehicle: passes bytes both ways at once and writes down what passes.
+//! Between a client and a real vehicle: forwards bytes both ways at once, and records them.
 //!
 //! The vehicle's port is open while the client has its own open, set as the client has set it. When the
-//! vehicle is unplugged, the client's port hangs up; it is there again when the vehicle is.
+//! vehicle is unplugged, the client's port hangs up; it returns with the vehicle.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
@@ -29,18 +29,18 @@ use crate::print::{complain, print};
 use crate::recording::TraceFile;
 use crate::visible;
 
-/// Most bytes that wait for the vehicle to take them; the client has to wait beyond that.
+/// Most bytes in the queue to the vehicle; beyond that the client has to wait.
 const MOST_WAITING: usize = 1 << 16;
-/// Reads of a port in a row, so that the other direction gets its turn.
+/// Most reads of a port in a row before the other direction gets its turn.
 const MOST_READS: usize = 16;
 /// Time after which a port that took no more is tried again: an eighth of what the smallest buffer of a
 /// serial port holds at 1 Mbit/s.
 const RETRY: Duration = Duration::from_millis(1);
-/// Interval at which the client's line settings are looked at while it sends nothing.
+/// Interval at which the client's line settings are read while it sends nothing.
 const LOOK: Duration = Duration::from_millis(20);
-/// Interval at which a vehicle that is gone is looked for.
+/// Interval of the search for a vehicle that is gone.
 const SEARCH: Duration = Duration::from_millis(100);
-/// Delay of a wake-up from which on it is noted in the recording.
+/// Delay of a wake-up from which it is recorded.
 const STALL: Duration = Duration::from_millis(20);
 /// Interval at which the recording is written out.
 const FLUSH: Duration = Duration::from_secs(1);
@@ -141,7 +141,7 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
         .control
         .map(|listen| Live::start(listen, plan, paths, &log));
     let live = live.transpose()?;
-    // Last, so that nothing is left of a start that failed.
+    // Last, so that a failed start leaves nothing behind.
     let trace = TraceFile::begin(args.trace.clone(), first)?;
     log.text(match args.log_format {
         LogFormat::Text => format!("  between {} and the vehicle\nready", ports.join(", ")),
@@ -160,14 +160,14 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
     pass(waiter, links, out)
 }
 
-/// Passes everything on until a signal comes.
+/// Forwards everything until a signal comes.
 fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, Failure> {
     let mut flushed = Instant::now();
     let mut is_kept = true;
     loop {
         let timeout = links.iter().filter_map(Link::timeout).min();
         if links.iter().any(|link| link.is_blocked()) {
-            // The waiter would report the port that is not read at once.
+            // The waiter would immediately report the port that is not read.
             std::thread::sleep(RETRY);
         }
         let ready = Instant::now();
@@ -188,7 +188,7 @@ fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, 
             break;
         }
         if flushed.elapsed() > FLUSH {
-            // The vehicle may be moving: bytes pass on all the same, and the end says why.
+            // The vehicle may be moving: bytes still pass, and the reason is reported at the end.
             if let Err(why) = out.trace.flush()
                 && std::mem::take(&mut is_kept)
             {
@@ -248,7 +248,7 @@ impl Out {
         }
     }
 
-    /// Writes down that the machine gave no time for so long: what was dated then may be older.
+    /// Records that the machine stalled for this long: bytes with a time in it may be older.
     fn record_stall(&mut self, late: Duration) {
         if late > STALL {
             let by = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
@@ -308,7 +308,7 @@ struct Link {
     /// Bytes that the other side has not taken yet: to the vehicle, to the client.
     waiting: [VecDeque<u8>; 2],
     passed: [u64; 2],
-    /// Set if everything is to be put into words.
+    /// Set if all traffic is decoded for the log.
     readers: Option<[Box<dyn FrameReader>; 2]>,
 }
 
@@ -321,7 +321,7 @@ impl Link {
         readers: Option<[Box<dyn FrameReader>; 2]>,
         waiter: &mut Waiter,
     ) -> Result<Self, Failure> {
-        // A wrong path is to be known before a client comes.
+        // A wrong path is reported before a client comes.
         drop(Port::open_serial(vehicle, baud, 1).map_err(Failure::system)?);
         let mut link = Self {
             index,
@@ -369,13 +369,13 @@ impl Link {
         }
     }
 
-    /// Passes on what there is. An error means that the vehicle is gone.
+    /// Forwards the bytes that are there. An error means that the vehicle is gone.
     fn pass(&mut self, waiter: &mut Waiter, out: &mut Out) -> Result<(), PortError> {
         self.set_line(out)?;
         self.write_vehicle()?;
         self.read_client(waiter, out)?;
         if !self.is_attached() && self.waiting[0].is_empty() {
-            // Which hangs up there, too.
+            // The client's port hangs up, too.
             self.vehicle = None;
         }
         self.write_client()?;
@@ -433,7 +433,7 @@ impl Link {
             let Some(vehicle) = &mut self.vehicle else {
                 break;
             };
-            // What the client does not take stays with the vehicle's port, as without us.
+            // What the client does not take stays in the vehicle's port, as without `sim`.
             let room = if self.waiting[1].is_empty() {
                 buf.len()
             } else {
@@ -461,7 +461,7 @@ impl Link {
     fn write_client(&mut self) -> Result<(), PortError> {
         let attached = self.client.as_mut().filter(|client| client.is_attached());
         if attached.is_none() {
-            // As what comes out of a cable that is in no port.
+            // Lost, as from a cable that is in no port.
             self.waiting[1].clear();
         }
         write(attached, &mut self.waiting[1])
@@ -491,7 +491,7 @@ impl Link {
         }
         let vehicle = self.vehicle.as_mut();
         match vehicle.map_or(Ok(()), |vehicle| vehicle.set_line(line)) {
-            // Such as a speed that the adapter cannot have: the vehicle is still there.
+            // For example, the adapter does not support the baud rate: the vehicle is still there.
             Err(error) if matches!(error.kind(), PortErrorKind::System { .. }) => {
                 out.vehicle(LINE_REFUSED, error.to_string());
                 Ok(())
@@ -533,8 +533,8 @@ impl Link {
         }
     }
 
-    /// A port failed, as that of a vehicle that is unplugged: the client's port hangs up, until both can be
-    /// opened again.
+    /// A port failed, such as that of an unplugged vehicle: the client's port hangs up until both can be opened
+    /// again.
     fn lose(&mut self, error: &PortError, out: &mut Out) {
         let (t, port) = (out.now(), PortRecord(0, self.index));
         if self.is_attached() {
@@ -554,7 +554,7 @@ impl Link {
         }
     }
 
-    /// Looks for a vehicle that is gone, and opens the client's port again when it is there.
+    /// Searches for a vehicle that is gone, and opens the client's port again when it is there.
     fn search(&mut self, waiter: &mut Waiter, out: &mut Out) -> Result<(), Failure> {
         if self.client.is_some()
             || Port::open_serial(&self.vehicle_path, self.setup.baud, 1).is_err()

@@ -16,13 +16,12 @@ use rustix::termios::{
     Action, LocalModes, OptionalActions, OutputModes, QueueSelector, SpecialCodeIndex, Termios,
 };
 
-/// Most bytes that a client can read at once, as the kernel has it for terminals.
+/// Most bytes that a client can read at once, the kernel's limit for terminals.
 pub(crate) const MOST_READ: usize = 4095;
-/// Time that a hang-up may take through the kernel. It is a matter of microseconds, unless the machine
-/// has no time for this program.
+/// Limit of the time of a hang-up through the kernel. It takes microseconds unless the machine is overloaded.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Rule by which a read comes to its end.
+/// Rule for the end of a read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ReadRule {
     /// Bytes that it waits for, `VMIN`; `None` if it waits for a line.
@@ -43,14 +42,14 @@ impl ReadRule {
     }
 }
 
-/// Both ends. Our own descriptor of the client's end lets us see what it sees.
+/// Both ends. Our own descriptor of the client's end shows what the client sees.
 pub(crate) struct Pair {
     master: OwnedFd,
     defaults: Termios,
     pub(crate) slave: OwnedFd,
     pub(crate) device: u64,
     pub(crate) watch: OwnedFd,
-    /// Its settings, once they have been asked for, until the client changes them.
+    /// Cached settings, until the client changes them.
     pub(crate) settings: OnceCell<(Termios, ClientLine)>,
 }
 
@@ -133,7 +132,7 @@ impl Pair {
         cooked.flatten().collect()
     }
 
-    /// Opens (`true`) and closes by clients since the last time.
+    /// Opens (`true`) and closes (`false`) by clients since the last query.
     pub(crate) fn changes(&self) -> Vec<bool> {
         let mut changes = Vec::new();
         let mut buffer = [MaybeUninit::uninit(); 2048];
@@ -156,11 +155,11 @@ impl Pair {
 
     /// Makes the terminal, which is stopped, send a signal (`O_ASYNC`) when it is started.
     pub(crate) fn want_room(&self) {
-        // It takes nothing, and remembers who has tried.
+        // The terminal takes nothing, but remembers who has tried.
         let _ = rustix::io::write(&self.slave, &[0]);
     }
 
-    /// Takes back what the client has not read. It cannot fail on a terminal that is there.
+    /// Takes the unread bytes back. It cannot fail on a terminal that is there.
     pub(crate) fn flush(&self) {
         let _ = rustix::termios::tcflush(&self.slave, QueueSelector::IFlush);
     }
@@ -175,7 +174,7 @@ impl Pair {
         read(&self.master, MOST_READ).unwrap_or_default()
     }
 
-    /// Makes the terminal what it was before any client came. None of it fails on a terminal that is there.
+    /// Restores the terminal's initial settings. It cannot fail on a terminal that is there.
     pub(crate) fn restore(&self) {
         let _ = rustix::termios::tcsetattr(&self.slave, OptionalActions::Now, &self.defaults);
         let _ = rigsim_pty::restore_end(&self.slave);
@@ -194,8 +193,8 @@ impl Pair {
     /// Takes what the terminal has made of all that was written: lines, or bytes.
     pub(crate) fn edited(&self, has_lines: bool) -> io::Result<Vec<Vec<u8>>> {
         let mut parts = Vec::new();
-        // A poll that finds nothing waits until the terminal has dealt with what was written. A read that does
-        // not wait takes what is there, whatever VMIN says.
+        // A poll that finds nothing waits until the terminal has processed what was written. A read that does not
+        // wait takes what is there, for any VMIN.
         while poll(&mut [PollFd::new(&self.slave, PollFlags::IN)]) || !has_lines {
             match read(&self.slave, MOST_READ) {
                 Some(bytes) if has_lines || !bytes.is_empty() => parts.push(bytes),
@@ -220,7 +219,7 @@ impl Pair {
             && bytes.iter().any(|byte| *byte != 0 && codes.contains(byte))
     }
 
-    /// Writes so many bytes of no meaning, for which the terminal neither waits for a line nor sends an echo.
+    /// Writes this many placeholder bytes, for which the terminal neither waits for a line nor sends an echo.
     pub(crate) fn sign(&self, termios: &Termios, count: usize) -> io::Result<()> {
         let set = |termios: &Termios| {
             rustix::termios::tcsetattr(&self.slave, OptionalActions::Now, termios)
@@ -241,9 +240,9 @@ impl Pair {
         Ok(())
     }
 
-    /// Closes the master and returns the other end when that is hung up for the clients that have it open: until
-    /// then a read there fails, and from then on it finds the end. A process that another thread of
-    /// this program starts has the master open as well, until it has become another program.
+    /// Closes the master and returns the other end once it is hung up for its clients. Before that a read there
+    /// fails; after that it finds the end. A process that another thread of this program starts has the master
+    /// open as well, until it calls exec.
     pub(crate) fn hang_up(self) -> io::Result<OwnedFd> {
         drop(self.master);
         let begun = Instant::now();

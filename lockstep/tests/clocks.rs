@@ -4,7 +4,7 @@ mod common;
 
 use std::time::Instant;
 
-use common::{Device, Stage, c, c_played, play, play_on, text};
+use common::{Device, Setup, c, c_played, play, play_on, text};
 use rigsim_lockstep::End;
 
 /// What the clocks show by the functions of the C library and by calls of the system, in all the
@@ -163,15 +163,15 @@ fn the_world_reads_clocks_and_starts_threads_that_do() {
         let thread = std::thread::spawn(move || begun.elapsed());
         thread.join().expect("it reads the clock");
     }
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             besides: Some(besides),
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
     let sleeps = "for i in 1 2 3 4 5; do sleep 1; done";
-    let played = play_on(stage, &["sh", "-c", sleeps]).expect("it can be run");
+    let played = play_on(setup, &["sh", "-c", sleeps]).expect("it can be run");
     assert_eq!(played.ending.end, End::Exited(0), "{:?}", played.ending);
     assert!(played.ending.at > 5_000_000_000, "{:?}", played.ending);
 }

@@ -4,13 +4,13 @@ mod common;
 
 use std::time::Duration;
 
-use common::{CLIENT, Device, Stage, c, c_played, c_prints, play_on, python, python_on, text};
+use common::{CLIENT, Device, Setup, c, c_played, c_prints, play_on, python, python_on, text};
 use rigsim_lockstep::{End, Reason};
 
 #[test]
 fn a_shell_script_talks_to_the_device() {
     let code = "stty -F $PORT 115200 raw -echo; exec 3<>$PORT; echo hello >&3; sleep 1; echo again >&3; head -n 2 <&3";
-    let played = play_on(Stage::default(), &["sh", "-c", code]).expect("it can be run");
+    let played = play_on(Setup::default(), &["sh", "-c", code]).expect("it can be run");
     assert_eq!(played.output, "HELLO\nAGAIN\n", "{:?}", played);
     assert_eq!(played.ending.at, 1_050_050_000);
 }
@@ -21,14 +21,14 @@ fn a_shell_script_talks_to_the_device() {
 fn the_end_of_a_client_closes_its_port_whatever_else_has_it_open() {
     let code = "import os; fd = os.open(os.environ['PORT'], os.O_RDWR | os.O_NOCTTY); \
                 os.write(fd, b'%d %d\\n' % (os.getpid(), fd))";
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             keeps: true,
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
-    let Some(played) = python_on(stage, code) else {
+    let Some(played) = python_on(setup, code) else {
         return;
     };
     assert!(played.kept_end.is_some(), "{:?}", played.trace);
@@ -172,14 +172,14 @@ print("back", at())
 fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
 os.write(fd, b"two\n"); print(os.read(fd, 10), at())
 "#;
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             cable: Some((3_000_000_000, 4_900_000_000)),
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
-    let Some(played) = python_on(stage, code) else {
+    let Some(played) = python_on(setup, code) else {
         return;
     };
     assert_eq!(
@@ -201,14 +201,14 @@ try:
     while not os.read(fd, 10): pass
 except OSError as error: print(error.errno, round(time.monotonic() - start, 3), os.read(fd, 10))
 "#;
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             cable: Some((3_000_000_000, 4_900_000_000)),
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
-    let Some(played) = python_on(stage, code) else {
+    let Some(played) = python_on(setup, code) else {
         return;
     };
     assert_eq!(played.output, "5 3.0 b''\n", "{:?}", played.ending);
@@ -225,16 +225,16 @@ poll = select.poll(); poll.register(fd, select.POLLIN)
 while not poll.poll(10): pass
 print(round(time.monotonic() - start, 3), os.read(fd, 10))
 "#;
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             cable: Some((3_000_000_000, 4_900_000_000)),
             // Much longer than a client needs that does not find it.
             kept: Some(Duration::from_secs(1)),
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
-    let Some(played) = python_on(stage, code) else {
+    let Some(played) = python_on(setup, code) else {
         return;
     };
     assert_eq!(played.output, "3.0 b''\n", "{:?}", played.ending);
@@ -279,14 +279,14 @@ sent = 0
 while sent < len(lines): sent += os.write(fd, lines[sent:sent + 7000])
 reader.join(); print(bytes(got) == lines.upper())
 "#;
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             room: 64,
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
-    let Some(played) = python_on(stage, code) else {
+    let Some(played) = python_on(setup, code) else {
         return;
     };
     assert_eq!(played.output, "True\n", "{:?}", played.ending);
@@ -305,7 +305,7 @@ fn a_client_that_waits_for_nothing_learns_so_at_once() {
 }
 
 #[test]
-fn who_looks_busily_at_the_clock_or_the_port_lets_time_creep() {
+fn a_busy_poll_of_the_clock_or_the_port_advances_time_slowly() {
     let code = r#"
 import fcntl, os, struct, termios, time
 start = time.monotonic()
@@ -465,14 +465,14 @@ time.sleep(2)
 after = os.path.realpath(os.environ["PORT"])
 print(after == before, os.open(after, os.O_RDWR | os.O_NOCTTY) > 0)
 "#;
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             cable: Some((3_000_000_000, 4_900_000_000)),
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
-    let Some(played) = python_on(stage, code) else {
+    let Some(played) = python_on(setup, code) else {
         return;
     };
     assert_eq!(
@@ -533,14 +533,14 @@ int main(void) {
     let Some((_folder, binary)) = c(&format!("{CLIENT}{code}"), &[]) else {
         return;
     };
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             room: 2,
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
-    let played = play_on(stage, &[text(&binary)]).expect("it can be run");
+    let played = play_on(setup, &[text(&binary)]).expect("it can be run");
     assert_eq!(
         played.output,
         "free 1 1 1 0\nstopped 0 0 0 0\n-11\nstarted 1 1 1 0\nby the device 0 0 0 0\n-11\nignored 1 1 1 0\n\
@@ -572,14 +572,14 @@ int main(void) {
     let Some((_folder, binary)) = c(&format!("{CLIENT}{code}"), &[]) else {
         return;
     };
-    let stage = Stage {
+    let setup = Setup {
         device: Device {
             room: 2,
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
-    let played = play_on(stage, &[text(&binary)]).expect("it can be run");
+    let played = play_on(setup, &[text(&binary)]).expect("it can be run");
     assert_eq!(
         played.output,
         "added 2 0 1\nwritten 1 1 0\nstopped 2 0 0 0 -11 1 1\nstarted 2 0 1\n\

@@ -15,7 +15,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use common::{
-    Device, Played, Stage, c, c_played, finished, play, play_on, program, python, python_on, text,
+    Device, Played, Setup, c, c_played, finished, play, play_on, program, python, python_on, text,
 };
 use rigsim_lockstep::{End, Error, Reason, spawn};
 
@@ -94,14 +94,14 @@ log("%s %s %s", digest.hexdigest(), hash("text"))
 #[test]
 fn a_job_of_a_minute_is_the_same_to_the_last_byte() {
     let played = same_each_time(20, || {
-        let stage = Stage {
+        let setup = Setup {
             device: Device {
                 cable: Some((20_000_000_000, 31_000_000_000)),
                 ..Device::default()
             },
-            ..Stage::default()
+            ..Setup::default()
         };
-        python_on(stage, JOB)
+        python_on(setup, JOB)
     });
     let Some(played) = played else { return };
     assert!(played.output.contains("2030-01-01 "), "{}", played.output);
@@ -113,11 +113,11 @@ fn a_job_of_a_minute_is_the_same_to_the_last_byte() {
 fn another_seed_is_another_run() {
     let code = "import os, random; print(random.random(), os.urandom(4).hex(), hash('x'))";
     let with = |seed| {
-        let stage = Stage {
+        let setup = Setup {
             seed,
-            ..Stage::default()
+            ..Setup::default()
         };
-        python_on(stage, code).map(|played| played.output)
+        python_on(setup, code).map(|played| played.output)
     };
     let Some(first) = with(Some(1)) else { return };
     assert_eq!(with(Some(1)), Some(first.clone()));
@@ -160,11 +160,11 @@ fn processes_and_pipelines_are_the_same_each_time() {
 fn a_client_that_computes_without_end_learns_where() {
     // Long enough for a busy machine to have begun it.
     let doing = [1, 5, 25, 125].into_iter().find_map(|seconds| {
-        let stage = Stage {
+        let setup = Setup {
             allowed: [Some(Duration::from_secs(seconds)), None],
-            ..Stage::default()
+            ..Setup::default()
         };
-        let played = play_on(stage, &["sh", "-c", "while :; do :; done"]).expect("it can be run");
+        let played = play_on(setup, &["sh", "-c", "while :; do :; done"]).expect("it can be run");
         assert_eq!(played.ending.end, End::Killed(9));
         let Reason::OutOfTime { doing, .. } = played.ending.reason else {
             panic!("{:?}", played.ending)
@@ -246,7 +246,7 @@ fn a_pipe_that_no_process_of_the_run_writes_is_outside() {
     assert_eq!(named, [text(&fifo)]);
 }
 
-/// No poll tells of the room at a receiver.
+/// No poll reports the room at a receiver.
 #[test]
 fn a_receiver_outside_that_is_full_has_real_time() {
     let Some(python3) = program("python3") else {
@@ -316,9 +316,9 @@ int main(void) {
         "{missing:?}"
     );
 
-    let missing = play_on(Stage::default(), &["/missing/here"]);
+    let missing = play_on(Setup::default(), &["/missing/here"]);
     assert!(matches!(missing, Err(Error::NotStarted(_))), "{missing:?}");
-    let folder = play_on(Stage::default(), &["/"]);
+    let folder = play_on(Setup::default(), &["/"]);
     assert!(matches!(folder, Err(Error::NotStarted(_))), "{folder:?}");
 }
 
@@ -392,7 +392,7 @@ fn a_32_bit_program_is_refused() {
         "{}",
         String::from_utf8_lossy(&built.stderr)
     );
-    let refused = play_on(Stage::default(), &[text(&binary)]);
+    let refused = play_on(Setup::default(), &[text(&binary)]);
     let Err(Error::Refused(why)) = refused else {
         panic!("{refused:?}")
     };
@@ -417,7 +417,7 @@ fn a_program_that_is_to_run_as_another_user_is_refused() {
         eprintln!("skipped: there is no program of another user here");
         return;
     }
-    let refused = play_on(Stage::default(), &[text(&binary)]);
+    let refused = play_on(Setup::default(), &[text(&binary)]);
     let Err(Error::Refused(why)) = refused else {
         panic!("{refused:?}")
     };
@@ -489,11 +489,11 @@ int main(void) {
                   unshare -pf --mount-proc sh -c 'sleep 100 & p=$!; kill -9 $p; wait $p; echo inner $?'; \
                   \"$0\"; sleep 100 & kill -9 -1; echo killed all others; sleep 1";
     let words = [&inside[..], &["sh", "-c", script, text(&binary)]].concat();
-    let stage = Stage {
+    let setup = Setup {
         allowed: [Some(Duration::from_secs(20)), None],
-        ..Stage::default()
+        ..Setup::default()
     };
-    let played = play_on(stage, &words).expect("it can be run");
+    let played = play_on(setup, &words).expect("it can be run");
     let expected = "waited 137\ninner 137\nthread 42\n1 hits, 9\nkilled all others\n";
     assert_eq!(played.output, expected, "{:?}", played.ending);
     assert_eq!(played.ending.end, End::Exited(0));
@@ -507,30 +507,30 @@ int main(void) {
 /// A machine that is busy with something else takes nothing of the time allowed.
 #[test]
 fn the_time_allowed_is_that_of_processors() {
-    let stage = |stalls, allowed: [Option<u64>; 2]| Stage {
+    let setup = |stalls, allowed: [Option<u64>; 2]| Setup {
         allowed: allowed.map(|seconds| seconds.map(Duration::from_secs)),
         device: Device {
             stalls: Duration::from_millis(stalls),
             ..Device::default()
         },
-        ..Stage::default()
+        ..Setup::default()
     };
     let sleeps = "for i in 1 2 3 4 5; do sleep 1; done";
-    let played = play_on(stage(500, [Some(2), None]), &["sh", "-c", sleeps]);
+    let played = play_on(setup(500, [Some(2), None]), &["sh", "-c", sleeps]);
     let played = played.expect("it can be run");
     assert!(played.took.as_millis() > 2500, "{:?}", played.took);
     assert_eq!(played.ending.end, End::Exited(0), "{:?}", played.ending);
     // All of its processes count, also those that have ended.
     let one = "python3 -c 'import time\nwhile time.process_time() < 0.4: pass'";
     let all = format!("{one}; {one} & {one} & wait; {one}; {one}");
-    let played = play_on(stage(0, [Some(1), None]), &["sh", "-c", &all]).expect("it can be run");
+    let played = play_on(setup(0, [Some(1), None]), &["sh", "-c", &all]).expect("it can be run");
     let reason = &played.ending.reason;
     assert!(
         matches!(reason, Reason::OutOfTime { real: false, .. }),
         "{reason:?}"
     );
     // Real time has its limit as well.
-    let played = play_on(stage(2000, [None, Some(1)]), &["sh", "-c", sleeps]);
+    let played = play_on(setup(2000, [None, Some(1)]), &["sh", "-c", sleeps]);
     let reason = played.expect("it can be run").ending.reason;
     assert!(
         matches!(reason, Reason::OutOfTime { real: true, .. }),
@@ -597,9 +597,9 @@ int main(void) {
     assert!(outside[0] == "client in openat2", "{outside:?}");
 }
 
-/// It waits for what no poll tells, and for a thread of the same process, which time alone lets go on.
+/// It waits for what no poll reports, and for a thread of the same process that only time can resume.
 #[test]
-fn a_thread_that_the_kernel_keeps_for_long_lets_time_go_on() {
+fn time_passes_while_the_kernel_keeps_a_thread_for_long() {
     let code = r#"
 import ctypes, os, resource, select, socket, struct, threading, time
 start, done = time.monotonic(), []
@@ -643,7 +643,7 @@ child("many", many); child("lingers", lingers); child("naps", naps)
     );
 }
 
-/// No poll tells of a lock: it is tried again and again, in real time.
+/// No poll reports a lock: it is tried again and again, in real time.
 #[test]
 fn a_lock_of_another_program_is_outside() {
     let Some(python3) = program("python3") else {

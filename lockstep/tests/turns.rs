@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Stage, c, c_prints, play, play_on, text};
+use common::{Setup, c, c_prints, play, play_on, text};
 use rigsim_lockstep::End;
 
 #[test]
@@ -111,7 +111,7 @@ int main(void) {{
         );
     }
 }
-/// Each computes for longer than the system lets a thread run while another can.
+/// Each computes for longer than the system's time slice.
 #[test]
 fn threads_that_compute_run_one_after_another() {
     c_prints(
@@ -255,11 +255,11 @@ int main(void) {
         return;
     };
     let sum = |schedule| {
-        let stage = Stage {
+        let setup = Setup {
             schedule,
-            ..Stage::default()
+            ..Setup::default()
         };
-        let played = play_on(stage, &[text(&binary)]).expect("it can be run");
+        let played = play_on(setup, &[text(&binary)]).expect("it can be run");
         assert_eq!(played.ending.end, End::Exited(0));
         played.output
     };

@@ -732,7 +732,7 @@ fn a_pipe_ends_when_its_other_end_is_closed_in_any_way() {
     );
 }
 
-/// Another thread closes what is waited for, and gives its number to something else.
+/// Another thread closes what is waited for, and opens something else with its number.
 #[test]
 fn a_wait_is_for_what_its_number_led_to() {
     prints(

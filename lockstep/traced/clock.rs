@@ -29,7 +29,7 @@ impl Clocks {
         self.date.saturating_add(now)
     }
 
-    /// Time that a clock shows; `None` for one that is not of simulated time.
+    /// Time of a clock; `None` if it does not show simulated time.
     pub(crate) fn show(&self, clock: i32, now: u64) -> Option<u64> {
         match clock {
             libc::CLOCK_REALTIME
@@ -45,14 +45,14 @@ impl Clocks {
         }
     }
 
-    /// Time at which a clock shows that, or now if it has.
+    /// Time at which a clock reaches that, or now if it has.
     pub(crate) fn when(&self, clock: i32, shown: u64, now: u64) -> Option<u64> {
         let shows = self.show(clock, now)?;
         Some(now.saturating_add(shown.saturating_sub(shows)))
     }
 }
 
-/// A span as the system has it; `None` if it is none, which the system itself refuses.
+/// A duration in the system's form; `None` if it is invalid, which the system itself refuses.
 pub(crate) fn span((seconds, nanoseconds): (i64, i64)) -> Option<u64> {
     let seconds = u64::try_from(seconds).ok()?;
     let part = u64::try_from(nanoseconds)

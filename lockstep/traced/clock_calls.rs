@@ -48,7 +48,7 @@ impl Tracer<'_> {
                 Ok(Handling::Answer(seconds))
             }
             _ => {
-                // Processor time is none of what is simulated, and would differ each time.
+                // Processor time is not simulated, and would differ in each run.
                 if a[0] != 0 {
                     memory.write(a[0], &[0; 32])?;
                 }
@@ -58,7 +58,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// When a wait ends whose time lies at an address, if anywhere: so long from now, or when a clock shows it.
+    /// End of a wait from the time at an address, if there is one: relative to now, or absolute by a clock.
     pub(crate) fn deadline_at(
         &self,
         tid: Tid,

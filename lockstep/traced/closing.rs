@@ -1,4 +1,4 @@
-//! Descriptors that programs close, and those that another thread waits for meanwhile.
+//! Descriptors that programs close while another thread waits for them.
 
 use std::ops::RangeInclusive;
 
@@ -24,8 +24,8 @@ impl Tracer<'_> {
         Ok(Handling::Make)
     }
 
-    /// A file stays open while a thread waits in a read or write of it. If another thread closes its number, it
-    /// gets one that no thread knows.
+    /// A file stays open while a thread waits in a read or write of it. If another thread closes its descriptor,
+    /// it gets a hidden one.
     ///
     /// # Errors
     /// [`Halt::Again`] if there was such a thread.
@@ -66,7 +66,7 @@ impl Tracer<'_> {
         Err(Halt::Again)
     }
 
-    /// The syscall is over for which a thread had a number that no thread knows.
+    /// The syscall that needed a hidden descriptor is over.
     pub(crate) fn close_kept(&mut self, tid: Tid) -> Result<(), Halt> {
         if let Some(kept) = self.tree.thread(tid)?.kept.take() {
             self.inject(tid, libc::SYS_close, [kept, 0, 0, 0, 0, 0])?;

@@ -15,7 +15,7 @@ use crate::port::poll;
 use crate::traced::proc::{info_of, members_of_epoll, own_pid};
 use crate::traced::sys::{Tid, terminal_of};
 
-/// The descriptors that a process has used, until it closes them; `None` for one that cannot be known.
+/// Descriptors that a process has used, until it closes them; `None` for one that cannot be duplicated.
 pub(crate) type Files = Rc<RefCell<BTreeMap<i32, Option<Rc<Descriptor>>>>>;
 
 pub(crate) struct Descriptor {
@@ -24,11 +24,11 @@ pub(crate) struct Descriptor {
     pub(crate) status: Status,
     /// It has been opened as `/dev/tty`.
     pub(crate) is_tty: bool,
-    /// What it has been opened for.
+    /// Its access mode.
     mode: OFlags,
-    /// Peer of it that was found to be of the run.
+    /// Its peer, if that belongs to the run.
     pub(crate) known_peer: Cell<Option<SocketAddr>>,
-    /// Process of the run, and number there, that was found to hold its other end.
+    /// Process and descriptor of the run that hold its other end, if known.
     pub(crate) known_holder: Cell<Option<(Tid, i32)>>,
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct Status {
 }
 
 impl Status {
-    /// As far as its file system knows: that may have a program to ask, which may be of the run.
+    /// The status that its file system has cached: a query could go to a program of the run.
     pub(crate) fn of(folder: impl AsFd, path: &str) -> Option<Self> {
         let flags = AtFlags::EMPTY_PATH | AtFlags::STATX_DONT_SYNC;
         let stat = statx(folder, path, flags, StatxFlags::BASIC_STATS).ok()?;
@@ -61,7 +61,7 @@ impl Status {
         Self::of(CWD, &format!("/proc/{process}/fd/{fd}"))
     }
 
-    /// Returns whether it is `/dev/tty`, as far as it is not known where that leads.
+    /// Returns whether it is `/dev/tty` with an unknown terminal.
     pub(crate) fn is_tty(&self) -> bool {
         self.kind.is_char_device() && self.device == makedev(5, 0)
     }
@@ -140,15 +140,15 @@ impl Descriptor {
         [mode, OFlags::RDWR].contains(&self.mode)
     }
 
-    /// Returns whether one of these is said of it, or an error.
+    /// Returns whether a poll finds one of these flags or an error.
     pub(crate) fn is_ready(&self, flags: PollFlags) -> bool {
         is_any_ready(&mut [PollFd::new(&self.file, flags)])
     }
 
-    /// Takes events of an epoll: their count, and as programs find them in memory.
+    /// Takes events of an epoll; returns their count, and their bytes as in a program's memory.
     ///
     /// # Errors
-    /// When it is none.
+    /// When it is not an epoll.
     pub(crate) fn take_events(&self, most: usize) -> rustix::io::Result<(usize, Vec<u8>)> {
         /// The others follow the next time.
         const MOST: usize = 1024;
@@ -167,8 +167,8 @@ impl Descriptor {
         Ok((events.len(), bytes.collect()))
     }
 
-    /// Returns whether a write that is as long as this would wait in the kernel for room, although a poll says
-    /// that there is some: of a pipe, or of a socket without messages.
+    /// Returns whether a write of this length would wait in the kernel for room although a poll reports room: in a
+    /// pipe, or in a stream socket.
     pub(crate) fn takes_parts(&self, length: u64) -> bool {
         let is_stream =
             || rustix::net::sockopt::socket_type(&self.file) == Ok(rustix::net::SocketType::STREAM);
@@ -182,7 +182,7 @@ impl Descriptor {
             && sockopt::socket_domain(&self.file) == Ok(AddressFamily::UNIX)
     }
 
-    /// Does something that does not wait in the kernel for the file meanwhile. All that have it open share that.
+    /// Calls a function while the file does not block (`O_NONBLOCK`). All that have it open share that.
     ///
     /// # Errors
     /// When the system refuses it.
@@ -195,12 +195,12 @@ impl Descriptor {
         Ok(made)
     }
 
-    /// What the system says of it under this name.
+    /// The system's value of it under this name.
     pub(crate) fn info(&self, name: &str) -> Option<String> {
         info_of(own_pid(), self.file.as_raw_fd(), name)
     }
 
-    /// What an epoll polls: numbers of descriptors of the processes that have added them.
+    /// Descriptors in an epoll, as numbers in the processes that added them.
     pub(crate) fn members(&self) -> Vec<(i32, PollFlags)> {
         match self.is_anonymous() {
             true => members_of_epoll(own_pid(), self.file.as_raw_fd()),

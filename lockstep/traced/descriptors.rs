@@ -13,7 +13,7 @@ use crate::traced::sys::Tid;
 use crate::traced::tracer::Tracer;
 use crate::traced::wait::Awaited;
 
-/// Most descriptors of a run of which there are duplicates; beyond that all are made again.
+/// Most duplicates of descriptors in a run; beyond that all are made again.
 const MOST_KEPT: usize = 64;
 
 impl Tracer<'_> {
@@ -27,7 +27,7 @@ impl Tracer<'_> {
         self.keep(process, fd, Some(file))
     }
 
-    /// Returns whether it is known what a descriptor leads to, or that it cannot be.
+    /// Returns whether a descriptor's file is known, or known to be unknowable.
     pub(crate) fn is_known(&self, process: Tid, fd: i32) -> bool {
         let owner = self.tree.processes.get(&process);
         self.descriptor(process, fd).is_some()
@@ -42,7 +42,7 @@ impl Tracer<'_> {
         file: Option<OwnedFd>,
     ) -> Option<Rc<Descriptor>> {
         let tables = || self.tree.processes.values().map(|process| &process.files);
-        // Those that are passed cost much, and are bounded by the system.
+        // Passing descriptors is slow, and the system limits their number.
         let kept: usize = tables().map(|files| files.borrow().len()).sum();
         if kept >= MOST_KEPT && self.descriptors.passage.is_none() {
             let is_awaited = |one: &mut Option<Rc<Descriptor>>| {
@@ -73,7 +73,7 @@ impl Tracer<'_> {
         if self.descriptors.passage.is_none() {
             return rustix::process::pidfd_getfd(handle, fd, PidfdGetfdFlags::empty()).ok();
         }
-        // What never waits need not be passed: its path says enough.
+        // A file that never waits need not be passed: its path is enough.
         let path = format!("/proc/{process}/fd/{fd}");
         let file = rustix::fs::open(path, OFlags::PATH | OFlags::CLOEXEC, Mode::empty()).ok()?;
         let is_queue = rustix::fs::fstatfs(&file).is_ok_and(|one| one.f_type == QUEUES);
@@ -123,7 +123,7 @@ impl Tracer<'_> {
         let mut found = vec![PollFlags::empty(); set.len()];
         let (mut polls, mut places) = (Vec::new(), Vec::new());
         for (at, Awaited { fd, flags, file }) in set.iter().enumerate() {
-            // A poll from outside would take an epoll's note of a signal away.
+            // A poll from outside would clear an epoll's record of a signal.
             let has_signal = || file.as_ref().is_some_and(|file| self.has_signal(tid, file));
             if flags.contains(PollFlags::IN) && has_signal() {
                 found[at] = PollFlags::IN;

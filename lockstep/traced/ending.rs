@@ -1,4 +1,4 @@
-//! The end of a run: asked for, and made sure of.
+//! The end of a run: requested, then enforced.
 
 use std::time::{Duration, Instant};
 
@@ -9,10 +9,10 @@ use crate::traced::limits::own_processor_time;
 use crate::traced::sys::{self, TICK, Tid};
 use crate::traced::tracer::Tracer;
 
-/// Simulated time in which programs that were asked to end may do so.
+/// Simulated time that programs have to end when asked to.
 const GRACE: u64 = 2_000_000_000;
 
-/// Real time in which killed programs must have gone.
+/// Real time that killed programs have to disappear.
 const KILL_PATIENCE: Duration = Duration::from_secs(10);
 
 impl Tracer<'_> {
@@ -22,7 +22,7 @@ impl Tracer<'_> {
             self.reason.get_or_insert(Reason::Stopped);
             return true;
         }
-        // It is asked often, and costs a syscall for each process.
+        // This is called often, and costs a syscall for each process.
         let now = sys::coarse_time();
         if !self.limits.is_over && now.saturating_sub(self.limits.checked) >= TICK {
             self.limits.checked = now;
@@ -76,7 +76,7 @@ impl Tracer<'_> {
             }
             match sys::wait(None, true) {
                 Ok(Some((tid, status))) if libc::WIFSTOPPED(status) => {
-                    // A child that was being made, or a thread on its way out.
+                    // A child that was being made, or a thread that is exiting.
                     sys::kill(tid, Signal::KILL);
                     let _ = sys::resume(tid, 0);
                 }
@@ -88,7 +88,7 @@ impl Tracer<'_> {
             }
         }
         self.tree.threads.clear();
-        // Those whose parent has ended before them have become children of this program.
+        // Orphans have become children of this program.
         for pid in std::mem::take(&mut self.tree.ended) {
             sys::reap(pid, false);
         }

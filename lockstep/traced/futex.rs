@@ -83,7 +83,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// A lock with priority inheritance: tried, and tried again whenever another thread has run.
+    /// A lock with priority inheritance: tried again whenever another thread has run.
     fn lock_with_inheritance(&mut self, entry: Entry, clock: i32) -> Result<Handling, Halt> {
         let deadline = self.deadline_at(entry.tid, entry.a[3], Some(clock))?;
         let private = entry.a[1] & u64::from(libc::FUTEX_PRIVATE_FLAG.unsigned_abs());
@@ -101,7 +101,7 @@ impl Tracer<'_> {
         self.retry(entry, retried, deadline)
     }
 
-    /// Wakes so many who wait there, those first that have waited longest; how many there were.
+    /// Wakes up to this many waiters, the longest waiting first; returns how many.
     fn wake(&mut self, key: FutexKey, most: u32, bits: u32) -> io::Result<i64> {
         let mut woken = 0;
         for tid in self.waiters(key, bits) {
@@ -142,7 +142,7 @@ impl Tracer<'_> {
             if moved >= i64::from(most) {
                 break;
             }
-            // What is there says nothing of how long to wait.
+            // The value by which later changes at the new address are found.
             let word = Memory(tid).read_u32(there).unwrap_or_default();
             if let Some(block) = self.tree.block_of(tid)
                 && let Wait::Futex { bits, .. } = block.wait
@@ -159,8 +159,8 @@ impl Tracer<'_> {
         moved
     }
 
-    /// A thread has ended: the system itself has changed futexes that show it, and wakes no thread,
-    /// since none waits in it. To wake one for nothing is allowed.
+    /// A thread has ended: the system has changed its futexes, but wakes no thread, since none waits in the
+    /// kernel. Spurious wake-ups are allowed.
     pub(crate) fn wake_changed_futexes(&mut self) {
         let changed = |(tid, thread): (&Tid, &Thread)| match thread.block()?.wait {
             Wait::Futex {

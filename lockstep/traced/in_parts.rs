@@ -1,5 +1,5 @@
-//! Transfers that would wait in the kernel although a poll finds something: they are made without waiting,
-//! part by part.
+//! Transfers that would block in the kernel although a poll reports the file as ready: they are made part by
+//! part without blocking.
 
 use std::io;
 use std::rc::Rc;
@@ -21,7 +21,7 @@ pub(crate) const NO_SPLICE_WAIT: u64 = libc::SPLICE_F_NONBLOCK as u64;
 const MESSAGE: u64 = 64;
 
 impl Rest {
-    /// A transfer that is made at once when there is something.
+    /// A transfer that is made at once when the file is ready.
     pub(crate) fn all(entry: Entry, of: &Rc<Descriptor>, flags: PollFlags) -> Self {
         let mut whole = (entry.registers.number(), entry.a);
         // Neither end of a copy waits in the kernel.
@@ -44,8 +44,8 @@ impl Rest {
 }
 
 impl Tracer<'_> {
-    /// Returns a transfer that would wait in the kernel although a poll finds something, as one that is made
-    /// without waiting, again and again; `None` if it is no such.
+    /// Returns a transfer that would block although a poll reports the file as ready, as one in parts; `None` for
+    /// other transfers.
     pub(crate) fn in_parts(
         &self,
         entry: Entry,
@@ -56,7 +56,7 @@ impl Tracer<'_> {
         let whole = (entry.registers.number(), a);
         let has = |flag: i32| given & u64::from(flag.unsigned_abs()) != 0;
         let part = |number, flags| (number, [a[0], 0, 0, flags, 0, 0]);
-        // Who has sent a part gets no SIGPIPE.
+        // A sender of a part gets no SIGPIPE.
         let silent = given | u64::from(libc::MSG_NOSIGNAL.unsigned_abs());
         let of_part = match call {
             Syscall::Sendfile if of.is_socket() => whole,
@@ -78,7 +78,7 @@ impl Tracer<'_> {
         let may_wait = match call {
             Syscall::Sendmmsg | Syscall::Recvmmsg => true,
             Syscall::Recvfrom | Syscall::Recvmsg => of.takes_parts(u64::MAX),
-            // No poll tells of the room at the receiver.
+            // No poll reports the room at the receiver.
             Syscall::Sendto if a[4] != 0 && of.is_unix_datagram() => true,
             Syscall::Sendmsg if of.is_unix_datagram() => true,
             _ => of.takes_parts(whole_length(&parts)),
@@ -103,8 +103,8 @@ impl Tracer<'_> {
         Ok(Some(rest))
     }
 
-    /// Makes a client transfer as much of the rest as can be now; returns the result of its syscall if that is
-    /// at its end.
+    /// Makes a client transfer as much of the rest as is possible now; returns the result of its syscall if that
+    /// has ended.
     pub(crate) fn transfer(&mut self, tid: Tid, rest: &mut Rest) -> Result<Option<i64>, Halt> {
         let is_read = [libc::SYS_read, libc::SYS_readv].contains(&rest.whole.0);
         if is_read
@@ -174,7 +174,7 @@ pub(crate) fn parts(Entry { tid, call, a, .. }: Entry) -> Result<Vec<(u64, u64)>
     let memory = Memory(tid);
     let (address, count) = match call {
         Syscall::Readv | Syscall::Preadv | Syscall::Writev => (a[1], a[2]),
-        // They lie behind an address of four words with its length.
+        // Address and length of the array lie in a structure of four words.
         Syscall::Sendmsg | Syscall::Recvmsg => {
             let (address, count) = memory.read_pair(a[1].saturating_add(16))?;
             (address.cast_unsigned(), count.cast_unsigned())

@@ -1,4 +1,4 @@
-//! Syscalls that a program makes for the tracer, and sees nothing of.
+//! Syscalls that a program makes for the tracer without noticing.
 
 use rustix::event::PollFlags;
 
@@ -26,7 +26,7 @@ impl Tracer<'_> {
             return Ok(-i64::from(libc::ENOSYS));
         };
         let before = Registers::of(tid)?;
-        // A signal would come first.
+        // A pending signal would be delivered first.
         let blocked = sys::set_blocked(tid, u64::MAX)?;
         let call = before.call(gate, number, arguments);
         call.set(tid)?;
@@ -42,7 +42,7 @@ impl Tracer<'_> {
             }
             has_begun = registers.number() == number;
             if !has_begun {
-                // It is the end of the syscall at which the thread was, which may have set its result.
+                // The syscall-exit stop of the thread's own syscall, which may have set its result.
                 call.set(tid)?;
             }
         };

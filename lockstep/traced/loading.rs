@@ -12,7 +12,7 @@ use crate::traced::tree::{OwnClocks, State, Thread};
 use crate::traced::wait::Resume;
 
 impl Tracer<'_> {
-    /// A process has another program.
+    /// A process has called exec.
     pub(crate) fn executed(&mut self, tid: Tid) -> Result<(), Halt> {
         let former = sys::event_message(tid)?;
         let number = self.tree.threads.get(&former).map(|thread| thread.number);

@@ -70,7 +70,7 @@ impl Memory {
             .collect())
     }
 
-    /// Writes as many of these bytes into the parts of a read as they have room for; how many.
+    /// Writes these bytes into the parts of a read, as far as there is room; returns how many.
     pub(crate) fn write_parts(self, parts: &Parts, bytes: &[u8]) -> io::Result<usize> {
         let mut left = bytes.len() as u64;
         let filled = parts.iter().map(|(address, length)| {

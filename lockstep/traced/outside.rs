@@ -1,4 +1,4 @@
-//! Waits for what is outside of the run: whether they are, and for how long.
+//! Waits for what is outside of the run.
 
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
@@ -22,12 +22,12 @@ use crate::traced::wait::{Rest, Retried, Wait};
 /// A descriptor that leads outside, and is waited for.
 pub(crate) struct Outside {
     descriptor: Rc<Descriptor>,
-    /// None if no poll tells of it.
+    /// Empty if no poll reports it.
     flags: PollFlags,
     pub(crate) name: String,
 }
 
-/// Waits until one of them is ready; whether one is.
+/// Waits until one of them is ready; returns whether one is.
 pub(crate) fn wait(all: &[Outside], most: Duration) -> io::Result<bool> {
     let mut polls: Vec<PollFd<'_>> = all
         .iter()
@@ -71,7 +71,7 @@ impl Tracer<'_> {
         all
     }
 
-    /// The receiver of a datagram that has no room, if it is outside of the run. No poll tells of it.
+    /// The receiver of a datagram that has no room, if it is outside of the run. No poll reports its room.
     fn outside_receiver(&self, tid: Tid, rest: &Rest) -> Option<Outside> {
         let (number, a) = rest.whole;
         let (address, length) = destination(tid, arch::call(number)?.1, a).ok()?;
@@ -92,8 +92,8 @@ impl Tracer<'_> {
         })
     }
 
-    /// Returns the name of a Unix socket, of which the first byte is 0 if it is none of a file, unless the socket is
-    /// of the run, or is none.
+    /// Returns the name of a Unix socket, with the first byte 0 if it is abstract, unless the socket belongs to the
+    /// run or does not exist.
     fn outside_unix(&self, name: &[u8]) -> Option<String> {
         let name = String::from_utf8_lossy(name).replace('\0', "@");
         let table = std::fs::read_to_string("/proc/net/unix").ok()?;
@@ -190,7 +190,7 @@ impl Tracer<'_> {
 
     /// Returns whether a process of the run has a descriptor that is the other end of one.
     fn is_held(&self, descriptor: &Descriptor, is_it: impl Fn(Tid, i32) -> bool) -> bool {
-        // To look at all takes long.
+        // Checking all of them is slow.
         let known = descriptor.known_holder.get();
         let holder = known.filter(|(pid, fd)| is_it(*pid, *fd)).or_else(|| {
             let processes = self.tree.processes.keys();
@@ -233,7 +233,7 @@ impl Tracer<'_> {
         let own = rustix::net::getsockname(file).ok()?;
         let family = own.address_family();
         if family == AddressFamily::UNIX {
-            // Who may send to a socket that is not connected is not known.
+            // Any program may send to a socket that is not connected.
             if descriptor.is_unix_datagram() {
                 let peer = rustix::net::getpeername(file).ok()??;
                 let peer = SocketAddrUnix::try_from(peer).ok()?;
@@ -268,9 +268,9 @@ impl Tracer<'_> {
                 descriptor.known_peer.set(Some(peer).filter(|_| is_ours));
                 (!is_ours).then(|| format!("{word} {peer}"))
             }
-            // A socket that listens waits for those of the run: no other program knows of it.
+            // A listening socket waits for programs of the run: no other program knows it.
             None if is_stream || own.ip().to_canonical().is_loopback() => None,
-            // Who has sent to others, and to none of them alone, as groups do, may be answered by them.
+            // A socket that has sent to others without a connection, as to a group, may get answers from them.
             None => {
                 let known = &self.descriptors.outside_sockets;
                 let is_known = known.contains(&descriptor.inode());

@@ -1,5 +1,5 @@
-//! Simulated time goes on when no thread can run; no faster than real time while one waits for the
-//! world outside.
+//! Simulated time advances when no thread can run; no faster than real time while one waits for the
+//! outside.
 
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ use crate::{Reason, Step};
 const PACE: u64 = 10_000_000;
 
 impl Tracer<'_> {
-    /// No thread can run: time goes on. `false` when the run is over.
+    /// No thread can run: advances time. Returns `false` when the run is over.
     pub(crate) fn let_time_pass(&mut self) -> Result<bool, Halt> {
         let blocks = self.tree.threads.values().filter_map(Thread::block);
         let deadline = blocks.filter_map(Block::ends).min();
@@ -31,7 +31,7 @@ impl Tracer<'_> {
                 None => return Ok(true),
             }
         } else if self.limits.paced.take().is_some() {
-            // What was waited for may have come since it was last tried.
+            // The awaited event may have come since the last poll.
             self.schedule.happened += 1;
             return Ok(true);
         }
@@ -89,15 +89,15 @@ impl Tracer<'_> {
         threads.any(|thread| matches!(thread.state, State::InKernel))
     }
 
-    /// Waits for the world outside, no longer in real time than simulated time may go on; until when
-    /// that may then go, or `None` if something has happened there.
+    /// Waits for the outside, in real time no longer than simulated time may advance. Returns the time to which
+    /// it may advance, or `None` if something has happened outside.
     fn wait_outside(&mut self, waits: &[Outside], most: u64) -> Result<Option<u64>, Halt> {
         for wait in waits {
             self.report.outside.insert(wait.name.clone());
         }
         let (begun, from) = *self.limits.paced.get_or_insert((Instant::now(), self.now));
         let span = Duration::from_nanos(most.saturating_sub(from));
-        // A thread in the kernel comes back without notice.
+        // A thread returns from the kernel without a notification.
         let slice = if self.is_any_in_kernel() {
             Duration::from_millis(1)
         } else {

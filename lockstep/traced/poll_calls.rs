@@ -1,5 +1,5 @@
-//! Syscalls that wait for one of several descriptors. All are answered, since the kernel has none of the bytes of a
-//! port.
+//! Syscalls that wait for one of several descriptors. The tracer answers all of them, since the kernel does not
+//! have the bytes of a port.
 
 use rustix::event::PollFlags;
 
@@ -15,8 +15,7 @@ use crate::traced::wait::{Awaited, PollResult, Times, Wait};
 /// Most descriptors in one syscall; beyond that the system decides.
 const MOST: usize = 1 << 16;
 
-/// What `select` polls for the members of its three sets, and what of that makes one a member of the
-/// result.
+/// Poll flags for the members of `select`'s three sets, and those that make one a member of the result.
 const SETS: [PollFlags; 3] = [
     PollFlags::IN.union(PollFlags::HUP).union(PollFlags::ERR),
     PollFlags::OUT.union(PollFlags::ERR),
@@ -103,7 +102,7 @@ impl Tracer<'_> {
         let sets = [read, write, except];
         let mut count = usize::try_from(int(count)).map_err(|_| Halt::Make)?;
         if count > libc::FD_SETSIZE {
-            // The system looks no further than the table of descriptors goes, nor may the sets.
+            // The system ignores numbers beyond its table of descriptors, and the sets may end there.
             count = count.min(table_size(entry.process).unwrap_or(count));
         }
         if count > MOST {
@@ -145,7 +144,7 @@ impl Tracer<'_> {
         }
         let only_queries = times.deadline.is_some_and(|deadline| deadline <= self.now);
         let backs_off = only_queries.then(|| self.query(entry));
-        // A poll that does not wait, and is not one of too many, is answered with what there is.
+        // A poll that does not wait is answered at once, unless there are too many.
         let is_signalled = self.is_signalled(tid, times.mask);
         let ends = matches!(backs_off, Some(None)) && !is_signalled;
         if let Some(answer) = self.poll_now(tid, &set, &result, (times, ends))? {
@@ -165,7 +164,7 @@ impl Tracer<'_> {
         signals.is_some_and(|signals| signals.interrupting(mask) != 0)
     }
 
-    /// Polls, and writes what is found, if it is anything or the poll `ends`; what the syscall returns then.
+    /// Polls, and writes the result if there is one or the poll `ends`; returns the syscall's result then.
     pub(crate) fn poll_now(
         &mut self,
         tid: Tid,
@@ -181,7 +180,7 @@ impl Tracer<'_> {
                 let mut found = self.found(tid, set, result);
                 let process = self.tree.process_of(tid);
                 let is_same = || set.iter().all(|one| self.leads_there(process, one));
-                // A poll ends by what it began with, and tells what the numbers lead to then.
+                // A poll waits for the files that it began with, and reports those that the numbers lead to now.
                 if (ends || found.iter().any(|one| !one.is_empty())) && !is_same() {
                     found = self.found_now(tid, set, result);
                 }
@@ -198,7 +197,7 @@ impl Tracer<'_> {
         Ok(Some(answer))
     }
 
-    /// Takes events of an epoll, and writes them there; their count, or an error.
+    /// Takes events of an epoll, and writes them there; returns their count, or an error.
     fn take_events(
         &mut self,
         tid: Tid,
@@ -255,7 +254,7 @@ impl Tracer<'_> {
     }
 }
 
-/// Writes the time that is left of a poll. One that cannot be written is no error.
+/// Writes the time that is left of a poll. Failure to write it is not an error.
 pub(crate) fn write_left(tid: Tid, times: Times, now: u64) {
     let (address, micros) = times.left;
     if address != 0 {
@@ -265,7 +264,7 @@ pub(crate) fn write_left(tid: Tid, times: Times, now: u64) {
     }
 }
 
-/// Writes what a poll has found; what it returns.
+/// Writes the result of a poll; returns the syscall's result.
 fn write_found(
     tid: Tid,
     set: &[Awaited],

@@ -43,8 +43,8 @@ impl Tracer<'_> {
         Ok(Handling::Answer(result))
     }
 
-    /// Marks the processes that SIGKILL has been sent to, which are gone before any other goes on. Their
-    /// threads have left the stops in which they were.
+    /// Marks the processes that were sent SIGKILL. They are gone before any other resumes. Their threads have
+    /// left their stops.
     pub(crate) fn find_dying(&mut self) {
         for thread in &self.tree.threads {
             let (tid, Thread { process, state, .. }) = thread;

@@ -1,5 +1,5 @@
-//! The processor of a run: the tracer and its program never run at the same time and wake each
-//! other up at each syscall, which takes several times as long from one processor to another.
+//! The processor of a run: the tracer and its program never run at the same time, and wake each other up at
+//! each syscall. That takes several times as long across processors.
 
 use rustix::process::Pid;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
@@ -7,10 +7,10 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity}
 use crate::traced::sys::Tid;
 use crate::traced::tree::Threads;
 
-/// After so many turns the system may choose another processor.
+/// Number of turns after which the system may choose another processor.
 const TURNS: u32 = 1000;
 
-/// Processor of the tracer and its program. What the system refuses here costs time alone.
+/// Processor of the tracer and its program. A refusal of the system costs only time.
 pub(crate) struct Processor {
     /// Processors on which this thread might run before; `None` if there is no choice.
     all: Option<CpuSet>,
@@ -29,8 +29,8 @@ impl Processor {
         }
     }
 
-    /// A thread is about to run: on the processor of the tracer. Now and then that is where the
-    /// system wakes it up when it is free to choose.
+    /// A thread is about to run: on the processor of the tracer. Now and then, the tracer moves to the processor
+    /// that the system chooses.
     pub(crate) fn share(&mut self, threads: &Threads) {
         let Some(all) = &self.all else {
             return;
@@ -54,7 +54,7 @@ impl Processor {
         self.turns = (self.turns + 1) % TURNS;
     }
 
-    /// A thread computes for long, and may do so wherever there is time.
+    /// A thread computes for long, and may use any processor.
     pub(crate) fn free(&mut self, threads: &Threads) {
         if self.shared.take().is_some()
             && let Some(all) = self.all
@@ -76,7 +76,7 @@ impl Drop for Processor {
 fn place(threads: &Threads, on: &CpuSet) {
     let raw = |tid: &Tid| Pid::from_raw(*tid);
     for tid in threads.keys().filter_map(raw) {
-        // A thread that has gone meanwhile is reported otherwise.
+        // The end of a thread is reported separately.
         let _ = sched_setaffinity(Some(tid), on);
     }
 }

@@ -1,4 +1,4 @@
-//! Syscalls that are made without waiting, and again when something has happened: children, locks, queues.
+//! Syscalls that are made without blocking, and retried after other events: children, locks, queues.
 
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ const SIGNAL_INFO: usize = 128;
 impl Tracer<'_> {
     pub(crate) fn retried_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
-        // The flag by which it does not wait, and results by which it says that it would have to.
+        // The flag that prevents blocking, and the results that mean that it would block.
         let (index, flag, would_wait): (_, _, &'static [i32]) = match call {
             Syscall::Wait4 => (2, libc::WNOHANG, &[0]),
             Syscall::Waitid => (3, libc::WNOHANG, &[0]),
@@ -57,7 +57,7 @@ impl Tracer<'_> {
                 }
                 let mut bytes = vec![0; LENGTH * count];
                 Memory(tid).read(a[1], &mut bytes)?;
-                // One of them that must not wait is enough. IPC_NOWAIT is 0o4000.
+                // One of them that must not block is enough. IPC_NOWAIT is 0o4000.
                 if bytes.chunks_exact(LENGTH).any(|one| one[5] & 0x08 != 0) {
                     return Ok(Handling::Make);
                 }
@@ -74,7 +74,7 @@ impl Tracer<'_> {
         self.retry(entry, tried, deadline)
     }
 
-    /// Makes a syscall by which a thread does not wait, and again when something has happened.
+    /// Makes a thread's syscall without blocking, and retries it after other events.
     pub(crate) fn retry(
         &mut self,
         entry: Entry,
@@ -82,7 +82,7 @@ impl Tracer<'_> {
         deadline: Option<u64>,
     ) -> Result<Handling, Halt> {
         let result = self.try_once(entry.tid, &mut retried)?;
-        // A lock that another program gives back before it is found out who holds it is tried once more.
+        // The lock is tried once more: another program may release it before its holder is found.
         let paced = (Instant::now(), self.now);
         self.limits.paced = self.limits.paced.or(result.is_none().then_some(paced));
         Ok(result.map_or(
@@ -91,7 +91,7 @@ impl Tracer<'_> {
         ))
     }
 
-    /// Makes it once; the result, unless it would have to wait.
+    /// Makes it once; returns the result, unless it would block.
     pub(crate) fn try_once(
         &mut self,
         tid: Tid,

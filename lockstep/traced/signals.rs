@@ -14,7 +14,7 @@ use crate::traced::wait::{Resume, Wait};
 const FAULT: u64 = 1 << (libc::SIGSEGV - 1);
 
 impl Tracer<'_> {
-    /// A program sets its action for SIGSEGV, or asks for it.
+    /// A program sets or queries its action for SIGSEGV.
     pub(crate) fn fault_action(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let mut action = [0; 32];
         if entry.a[1] != 0 {
@@ -24,8 +24,8 @@ impl Tracer<'_> {
         Ok(Handling::Make)
     }
 
-    /// The kernel takes a handler away, and no longer blocks the signal, when an instruction fails
-    /// while SIGSEGV is blocked or ignored; reading the time stamp counter is none that fails.
+    /// When an instruction faults while SIGSEGV is blocked or ignored, the kernel removes the handler and unblocks
+    /// the signal. Reading the time stamp counter must have no such effect, so both are restored.
     pub(crate) fn restore_fault_action(&mut self, tid: Tid) -> Result<(), Halt> {
         let process = self.tree.process_of(tid);
         let action = self.tree.process(process)?.on_fault;
@@ -41,7 +41,7 @@ impl Tracer<'_> {
         let signal = u64::from(libc::SIGSEGV.unsigned_abs());
         let arguments = |place| [signal, place, 0, 8, 0, 0];
         self.inject_with(tid, libc::SYS_rt_sigaction, |_| action.to_vec(), arguments)?;
-        // SIG_IGN is 1; who has a handler had it blocked.
+        // SIG_IGN is 1; with a handler, the signal was blocked.
         if action[..8] != 1_u64.to_ne_bytes() {
             sys::set_blocked(tid, signals.blocked | FAULT)?;
         }
@@ -74,7 +74,7 @@ impl Tracer<'_> {
             };
             let wanted = set.is_some_and(|set| signals.pending & set != 0);
             let interrupting = signals.interrupting(mask);
-            // What has been sent to the process is for the first who takes it.
+            // The first thread that takes a signal of the process gets it.
             if (wanted || interrupting != 0) && served.insert((process, interrupting)) {
                 self.interrupt(tid)?;
             }
@@ -120,7 +120,7 @@ impl Tracer<'_> {
             }
             Wait::BackOff(resume) => thread.state = State::Ready(resume),
             Wait::Again(_) | Wait::Transfer(_) => {
-                // At the end of the syscall; the system makes it again or not, as the signal has it.
+                // At the syscall-exit stop; the system restarts the syscall or not, as for any signal.
                 const ERESTARTSYS: i64 = 512;
                 registers.set_result(-ERESTARTSYS);
                 registers.set(tid)?;

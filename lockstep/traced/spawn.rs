@@ -11,15 +11,15 @@ use crate::traced::sys::{self, Tid, child::Image};
 use crate::traced::syscall::{call_name, int};
 use crate::{Error, Program, copies};
 
-/// A program on its way: traced, and let go.
+/// A program that is starting: traced and resumed.
 pub(crate) struct Starting {
     pub(crate) pid: Tid,
-    /// Closed when the program begins; before that it tells why it cannot.
+    /// Closed when the program begins; before that it carries the reason of a failure.
     line: UnixStream,
 }
 
 impl Starting {
-    /// Reason for which the program did not begin, if it did not; it has, or has ended.
+    /// Waits until the program has begun or ended; returns why it did not begin, if so.
     pub(crate) fn failure(&mut self) -> Option<Error> {
         let mut failed = [0; 8];
         self.line.read_exact(&mut failed).ok()?;

@@ -14,15 +14,16 @@ use crate::traced::tree::{State, Thread};
 use crate::traced::wait::{Resume, Wait};
 use crate::{End, Error, Reason};
 
-/// Processor time in which a thread makes no syscall before it is interrupted.
+/// Processor time without a syscall after which a thread is interrupted.
 const LONG: Duration = Duration::from_secs(1);
 
-/// Ticks in a row at which a thread sleeps in the kernel before it is taken to wait there: for another
-/// machine or the other end of a named pipe, and for anything else. The kernel's own work, as to read from a disk, takes less.
+/// Number of successive ticks asleep in the kernel after which a thread counts as waiting there: for another
+/// machine or the other end of a named pipe, and for anything else. The kernel's own work, such as a disk
+/// read, takes less.
 const SLEEPY_TICKS: [u32; 2] = [2, 50];
 
 impl Tracer<'_> {
-    /// Waits until the thread that runs has stopped or gone, and with it those that are about to go.
+    /// Waits until the running thread has stopped or exited, and all others that are exiting have.
     pub(crate) fn wait_for_current(&mut self) -> Result<(), Error> {
         self.schedule.computing = None;
         self.schedule.interrupted = None;
@@ -96,7 +97,7 @@ impl Tracer<'_> {
         true
     }
 
-    /// Interrupts a thread that has computed for long since it was last resumed.
+    /// Interrupts a thread that has computed for long since it was resumed.
     fn bound_computing(&mut self, tid: Tid) {
         // No other of its process runs.
         let process = sys::clock_of_process(self.tree.process_of(tid));
@@ -110,12 +111,12 @@ impl Tracer<'_> {
         if thread.preempted || used.saturating_sub(since) >= LONG {
             thread.preempted = true;
             self.schedule.interrupted = Some(tid);
-            // One that has gone meanwhile is reported otherwise.
+            // The end of a thread is reported separately.
             let _ = sys::interrupt(tid);
         }
     }
 
-    /// Takes note of what has become of a thread.
+    /// Records the new state of a thread.
     fn stopped(&mut self, tid: Tid, status: i32) -> Result<(), Halt> {
         if libc::WIFEXITED(status) || libc::WIFSIGNALED(status) {
             self.gone(tid, status);

@@ -1,4 +1,4 @@
-//! The syscalls that no library wraps as they are needed here.
+//! Syscalls for which no library has a suitable wrapper.
 //!
 //! `nix` has most of them, but its `waitpid` loses stops for real-time signals, which every
 //! `pthread_cancel` and every POSIX timer of glibc sends.
@@ -132,7 +132,7 @@ pub(crate) fn wait(one: Option<Tid>, block: bool) -> io::Result<Option<(Tid, i32
     Ok(found?.map(|(tid, status)| (tid.as_raw_nonzero().get(), status.as_raw())))
 }
 
-/// Reaps a child of this program, if it has ended; with `soon` it is about to.
+/// Reaps a child of this program if it has ended; with `soon`, waits for it.
 pub(crate) fn reap(pid: Tid, soon: bool) {
     let mut options = WaitOptions::from_bits_retain(libc::__WALL.cast_unsigned());
     options.set(WaitOptions::NOHANG, !soon);
@@ -179,7 +179,7 @@ fn vectors(parts: &Parts) -> Vec<libc::iovec> {
     parts.iter().map(one).collect()
 }
 
-/// Writes memory of a stopped thread that the program itself may not write to. Whole words.
+/// Writes whole words of a stopped thread's memory, also where the program itself may not write.
 pub(crate) fn poke(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<()> {
     for (at, word) in (address..).step_by(8).zip(bytes.chunks_exact(8)) {
         let word = word
@@ -192,7 +192,7 @@ pub(crate) fn poke(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Sends a signal to a process. One that has gone need get none.
+/// Sends a signal to a process, if it still exists.
 pub(crate) fn kill(pid: Tid, signal: Signal) {
     if let Some(pid) = Pid::from_raw(pid) {
         let _ = process::kill_process(pid, signal);

@@ -26,9 +26,9 @@ pub(crate) enum Halt {
     Failed(Error),
     /// The system has lost the thread at hand, which has been killed; its end will be reported.
     Gone,
-    /// The syscall is made: the system answers it, as one with a wrong address.
+    /// The kernel executes the syscall, for example one with a wrong address.
     Make,
-    /// The thread at hand has made other syscalls at its syscall, which has to be made again.
+    /// The tracer has injected other syscalls, so the thread's own syscall must be repeated.
     Again,
 }
 
@@ -56,9 +56,9 @@ impl From<Broken> for Halt {
 /// Handling of a syscall.
 pub(crate) enum Handling {
     Make,
-    /// It is not made, and returns this.
+    /// It is skipped, and returns this.
     Answer(i64),
-    /// It waits until then at most.
+    /// It blocks, at most until then.
     Block(Wait, Option<u64>),
 }
 
@@ -82,7 +82,7 @@ pub(crate) fn failure(errno: i32) -> Handling {
     Handling::Answer(-i64::from(errno))
 }
 
-/// The result of a syscall that tells how many.
+/// The result of a syscall that returns a count.
 pub(crate) fn counted(number: usize) -> i64 {
     i64::try_from(number).unwrap_or(i64::MAX)
 }

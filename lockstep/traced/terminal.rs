@@ -23,7 +23,7 @@ impl Tracer<'_> {
         into: Vec<(u64, u64)>,
     ) -> Result<Handling, Halt> {
         let port = &mut self.ports[index];
-        // Room that a former read has made is for what still waits.
+        // Room from an earlier read belongs to bytes that still wait.
         port.top_up()?;
         let (rule, unread, count) = (port.read_rule(), port.unread(), room(&into));
         let is_there = count == 0 || port.can_be_read(rule, count);
@@ -51,7 +51,7 @@ impl Tracer<'_> {
         Ok(Handling::Block(wait, deadline))
     }
 
-    /// Hands a client what it can read of a port; what its read returns.
+    /// Passes a client what it can read of a port; returns the result of its read.
     pub(crate) fn receive(
         &mut self,
         tid: Tid,
@@ -103,7 +103,7 @@ impl Tracer<'_> {
         Ok(Handling::Block(wait, None))
     }
 
-    /// Hands the world bytes; how many it took.
+    /// Passes bytes to the world; returns how many it took.
     pub(crate) fn send_to_world(&mut self, index: usize, bytes: &[u8]) -> Result<usize, Halt> {
         let Some(line) = self.ports[index].line()? else {
             return Ok(bytes.len());
@@ -116,12 +116,12 @@ impl Tracer<'_> {
         Ok(sent)
     }
 
-    /// Sends to the world what a terminal that echoes has sent back by itself.
+    /// Sends the world a terminal's own output, such as an echo.
     pub(crate) fn send_echoes(&mut self) -> Result<(), Halt> {
         for index in 0..self.ports.len() {
             if self.ports[index].is_open() {
                 let echo = self.ports[index].take_echo();
-                // What there is no room for is lost, as on a line that is full.
+                // Without room, bytes are lost, as on a full line.
                 self.send_to_world(index, &echo)?;
             }
         }
@@ -243,7 +243,7 @@ impl Tracer<'_> {
                     self.port_closed(index)?;
                 }
             }
-            // The system tells of two opens in a row as of one, and of none of `/dev/tty`.
+            // The system reports two opens in a row as one, and none of `/dev/tty`.
             let held = by_tty || self.holds_port(index, false);
             let opened = self.ports[index].opened;
             if held && opened == 0 {
@@ -256,8 +256,8 @@ impl Tracer<'_> {
         Ok(())
     }
 
-    /// No thread is left, so that none has a port open. The system may say so later: a process that
-    /// another thread of this program starts has our duplicates until it has become another program.
+    /// No thread is left, so no port is open. The system may report that later: a process that another thread of
+    /// this program starts has copies of the duplicates until it calls exec.
     pub(crate) fn close_ports(&mut self) -> Result<(), Halt> {
         self.descriptors.ports_used.set(true);
         self.poll_ports()?;

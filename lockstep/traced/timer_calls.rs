@@ -220,7 +220,7 @@ impl Tracer<'_> {
         Ok(Some(8))
     }
 
-    /// When a setting of a timer, at this address, has it run out, and its interval.
+    /// Expiry and interval in a timer setting at this address.
     fn timer_setting(
         &self,
         tid: Tid,
@@ -296,7 +296,7 @@ impl Tracer<'_> {
             return Ok(());
         };
         mark_timer(&descriptor.file, mark, true)?;
-        // A nanosecond is over before long.
+        // One nanosecond ends soon enough.
         for _ in 0..1000 {
             if descriptor.is_ready(PollFlags::IN) {
                 return Ok(());

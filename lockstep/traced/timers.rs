@@ -53,7 +53,7 @@ impl Timers {
         });
     }
 
-    /// Adds one that is not set; gives its index.
+    /// Adds one that is not set; returns its index.
     pub(crate) fn add(&mut self, process: Tid, kind: Kind) -> usize {
         self.all.push(Timer {
             process,

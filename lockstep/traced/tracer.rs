@@ -47,7 +47,7 @@ pub(crate) struct Descriptors {
     pub(crate) outside_sockets: BTreeSet<(u64, u64)>,
     /// A port may have been opened or closed since that was last found out.
     pub(crate) ports_used: Cell<bool>,
-    /// Way in which programs pass descriptors, where the system refuses to duplicate them.
+    /// How programs pass descriptors, where the system refuses to duplicate them.
     pub(crate) passage: Option<Rc<Passage>>,
     pub(crate) has_signalfd: bool,
     /// File of the program's output, by device and inode.
@@ -61,9 +61,9 @@ pub(crate) struct Schedule {
     pub(crate) current: Option<Tid>,
     /// Chooses which thread runs next, if it is chosen at random.
     pub(crate) choices: Option<Pcg64>,
-    /// Threads that have let others go first.
+    /// Number of times that threads have yielded.
     pub(crate) turns: u64,
-    /// Time for which the syscalls of all threads would have paid.
+    /// Simulated time if each syscall of any thread cost time.
     pub(crate) paid: u64,
     /// Waits that have begun.
     pub(crate) waits: u64,
@@ -195,14 +195,14 @@ impl<'a> Tracer<'a> {
                     self.find_dying();
                     self.wait_for_current()?;
                 }
-                // A wrong address where no syscall can report it.
+                // A wrong address that no syscall can report.
                 Err(Halt::Make | Halt::Again) => {}
                 Err(Halt::Failed(error)) => return Err(error),
             }
         }
     }
 
-    /// Resumes a thread, or lets time pass; `false` when none is left.
+    /// Resumes a thread, or advances time; `false` when no thread is left.
     fn step(&mut self) -> Result<bool, Halt> {
         if self.schedule.signalled {
             self.schedule.signalled = false;

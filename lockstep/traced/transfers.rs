@@ -25,17 +25,17 @@ const NO_WAIT: u64 = libc::MSG_DONTWAIT.cast_unsigned() as u64;
 impl Tracer<'_> {
     pub(crate) fn transfer_call(&mut self, mut entry: Entry) -> Result<Handling, Halt> {
         let a = entry.a;
-        // Without a place it is a read like others.
+        // Without an offset it is a read like others.
         entry.call = match (entry.call, a[3]) {
             (Syscall::Preadv2, u64::MAX) => Syscall::Readv,
             (Syscall::Preadv2, _) => Syscall::Preadv,
             (Syscall::Pwritev2, u64::MAX) => Syscall::Writev,
-            // No port has places.
+            // Ports have no offsets.
             (Syscall::Pwritev2, _) => return Ok(Handling::Make),
             (call, _) => call,
         };
         let (tid, process, call) = (entry.tid, entry.process, entry.call);
-        // The end that a port may be at, and where a copy is from; the flags of a splice.
+        // The descriptor that may be a port, the source of a copy, and the flags of a splice.
         let (fd, from, splice) = match call {
             Syscall::Splice => (int(a[2]), Some(int(a[0])), a[5]),
             Syscall::Tee => (int(a[1]), Some(int(a[0])), a[3]),
@@ -58,13 +58,13 @@ impl Tracer<'_> {
         if let Some(action) = self.own_bytes(entry, &descriptor, source.as_deref())? {
             return Ok(action);
         }
-        // Whatever waits has no places, and says so at once.
+        // A file that can block has no offsets: the syscall fails at once.
         if matches!(call, Syscall::Pread | Syscall::Preadv) {
             return Ok(Handling::Make);
         }
         if matches!(call, Syscall::Read | Syscall::Readv) && descriptor.is_anonymous() {
             let into = parts(entry)?;
-            // All of them have at least that to be read, and say so at once.
+            // These reads need at least 8 bytes, and fail at once.
             if whole_length(&into) < 8 {
                 return Ok(Handling::Make);
             }
@@ -141,7 +141,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Fills these parts of a program's memory with what is random, as far as it goes at a time.
+    /// Fills these parts of a program's memory with random bytes, up to the limit of one syscall.
     pub(crate) fn random_bytes(
         &mut self,
         tid: Tid,
@@ -156,10 +156,10 @@ impl Tracer<'_> {
         Ok(Handling::Answer(counted(written)))
     }
 
-    /// A read or write that may wait, of something that is no port.
+    /// A read or write that may wait, of something that is not a port.
     fn may_wait(&mut self, entry: Entry, descriptor: &Rc<Descriptor>) -> Result<Handling, Halt> {
         let Entry { tid, call, a, .. } = entry;
-        // What it waits for, the flags that the program has given, and the one by which it is not to wait.
+        // The poll flags, the program's own flags, and the flag that prevents blocking.
         let (flags, given, no_wait) = match call {
             Syscall::Write | Syscall::Writev => (PollFlags::OUT, 0, 0),
             Syscall::Sendto | Syscall::Sendmmsg => (PollFlags::OUT, a[3], NO_WAIT),
@@ -176,7 +176,7 @@ impl Tracer<'_> {
             _ => (PollFlags::IN, 0, 0),
         };
         if flags == PollFlags::OUT && descriptor.is_socket() {
-            // Else the system keeps back small messages, by its own clock. What is not TCP refuses this.
+            // Otherwise the system delays small messages, by its own clock. Only TCP accepts this.
             let _ = set_tcp_nodelay(&descriptor.file, true);
         }
         let at_once = given & no_wait != 0 || descriptor.is_nonblocking();
@@ -215,7 +215,7 @@ impl Tracer<'_> {
         };
         match result {
             Some(result) => Ok(Handling::Answer(result)),
-            // The system has no memory for it now, whatever a poll says.
+            // The system has no memory for it now, although a poll reports room.
             None if is_ready && rest.done == 0 && descriptor.takes_parts(u64::MAX) => {
                 Err(Halt::Again)
             }

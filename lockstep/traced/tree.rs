@@ -19,7 +19,7 @@ pub(crate) struct Process {
     /// Its handle, where the system gives one.
     pub(crate) handle: Option<OwnedFd>,
     pub(crate) files: Files,
-    /// It is on its way out, and no other runs until it has gone.
+    /// It is exiting, and no other runs until it has gone.
     pub(crate) dying: bool,
     pub(crate) clocks: Option<OwnClocks>,
     /// Processor time that it had used when that was last measured.
@@ -31,7 +31,7 @@ pub(crate) struct Process {
 }
 
 impl Process {
-    /// Measures the processor time that it has used, which cannot be done when it has gone.
+    /// Measures its processor time, which is not possible after its end.
     pub(crate) fn measure(&mut self, pid: Tid) {
         self.used = sys::processor_time(sys::clock_of_process(pid)).unwrap_or(self.used);
     }
@@ -58,9 +58,9 @@ pub(crate) struct Thread {
     pub(crate) number: u64,
     pub(crate) process: Tid,
     pub(crate) state: State,
-    /// Turn: who gives way is behind the others.
+    /// Its place in the order of turns; a thread that yields goes last.
     pub(crate) turn: u64,
-    /// Time for which its queries would have paid.
+    /// Simulated time if each of its queries cost time.
     pub(crate) paid: u64,
     /// It has been interrupted because it computed for long.
     pub(crate) preempted: bool,

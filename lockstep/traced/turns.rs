@@ -11,20 +11,20 @@ use crate::traced::tracer::Tracer;
 use crate::traced::tree::{Shown, State, Thread};
 use crate::traced::wait::{Block, Resume, Wait};
 
-/// Time that a query, or any syscall, costs if there are too many.
+/// Simulated time that a query or another syscall costs if there are too many.
 const BACK_OFF: u64 = 20_000;
 
-/// Time that passes when a thread has computed for long, and again whenever it has for a while.
+/// Simulated time that passes when a thread has computed for long, and after each further interval.
 const PREEMPTED: u64 = 10_000_000;
 
-/// Queries of a thread that cost nothing; time that passes otherwise makes up for as many as it would pay.
+/// Free queries of a thread; simulated time that passes otherwise restores as many as it would pay for.
 const FREE_QUERIES: u32 = 1000;
 
-/// The same of syscalls of all threads: those that only wake one another let no time pass.
+/// The same for the syscalls of all threads, which take no time while threads only wake one another.
 const FREE_CALLS: u32 = 20_000;
 
 impl Tracer<'_> {
-    /// Thread to go on: the one that ran last, or the first of those that can, or any of them.
+    /// The next thread: the one that ran last, else the first that can run; or a random one.
     pub(crate) fn next(&mut self) -> Option<Tid> {
         let current = self.schedule.current;
         let can = |tid: &Tid| self.tree.threads.get(tid).is_some_and(Thread::is_ready);
@@ -75,7 +75,7 @@ impl Tracer<'_> {
                 self.report.calls += 1;
                 self.tree.thread(tid)?.preempted = false;
                 let registers = Registers::of(tid)?;
-                // What is handled again has been counted.
+                // A repeated syscall has been counted already.
                 let action =
                     if !backed_off && counted(&mut self.schedule.paid, self.now, FREE_CALLS) {
                         Ok(self.back_off())
@@ -123,7 +123,7 @@ impl Tracer<'_> {
         deadline: Option<u64>,
     ) {
         self.schedule.waits += 1;
-        // A wait whose time is over is no more than a query of the clock.
+        // A wait that is already over counts as a query of the clock.
         let queries = deadline.is_some_and(|deadline| deadline <= self.now);
         let block = Block {
             registers,
@@ -138,8 +138,8 @@ impl Tracer<'_> {
         self.tree.set_state(tid, State::Blocked(Box::new(block)));
     }
 
-    /// A thread queries, and no time passes meanwhile: it waits for nothing, or for threads that do likewise.
-    /// After many queries each takes a little time. `None` if it may be answered at once.
+    /// A thread queries while no time passes: it may wait for nothing, or for threads that also only query. After
+    /// many queries, each takes a little time. `None` if it may be answered at once.
     pub(crate) fn query(&mut self, entry: Entry) -> Option<Handling> {
         let backs_off = !entry.backed_off && self.queries_much(entry.tid);
         backs_off.then(|| self.back_off())
@@ -170,8 +170,8 @@ impl Tracer<'_> {
         Ok(())
     }
 
-    /// A thread has computed for so long that it may wait for another in memory alone: time goes on.
-    /// How far it has come by then is the machine's affair.
+    /// A thread has computed for so long that it may wait for another in memory: time advances. How far it has
+    /// come by then depends on the machine.
     pub(crate) fn preempt(&mut self, tid: Tid) -> Result<(), Halt> {
         let what = format!("{}, which computed for long", name_of(tid));
         self.report.outside.insert(what);
@@ -202,7 +202,7 @@ impl Tracer<'_> {
         let shown = Shown {
             real: self.clocks.real(self.now),
             monotonic: self.clocks.monotonic(self.now),
-            // A thread that has queried much makes a syscall.
+            // After many queries, a thread makes a syscall.
             queries: if thread.paid < self.now + u64::from(FREE_QUERIES) * BACK_OFF {
                 FREE_QUERIES
             } else {
@@ -218,8 +218,8 @@ impl Tracer<'_> {
     }
 }
 
-/// Counts one more of those that would have paid until then; returns whether that is further ahead of
-/// simulated time than so many that are free.
+/// Counts one more syscall in `paid`; returns whether that is further ahead of simulated time than the free
+/// ones allow.
 fn counted(paid: &mut u64, now: u64, free: u32) -> bool {
     let most = now + u64::from(free) * BACK_OFF;
     *paid = (now.max(*paid) + BACK_OFF).min(most + BACK_OFF);

@@ -9,23 +9,23 @@ use crate::traced::arch::Registers;
 use crate::traced::descriptor::Descriptor;
 
 pub(crate) struct Block {
-    /// As they were at the syscall.
+    /// Registers at the syscall-entry stop.
     pub(crate) registers: Registers,
     pub(crate) wait: Wait,
     /// Time that the program has asked for; see [`Block::ends`].
     pub(crate) deadline: Option<u64>,
     /// The order in which waits began.
     pub(crate) since: u64,
-    /// It was polled when so much had happened.
+    /// Count of events at its last poll.
     pub(crate) polled_at: u64,
 }
 
-/// Time by which a wait ends after its deadline, as the kernel's default timer slack has it
-/// (`PR_SET_TIMERSLACK`). Programs rely on it: `while (now <= end) wait(end - now)`.
+/// Delay of the end of a wait after its deadline, the kernel's default timer slack (`PR_SET_TIMERSLACK`).
+/// Programs rely on it: `while (now <= end) wait(end - now)`.
 pub(crate) const SLACK: u64 = 50_000;
 
 impl Block {
-    /// Time at which it ends in any case.
+    /// Its deadline.
     pub(crate) fn ends(&self) -> Option<u64> {
         let slack = if matches!(self.wait, Wait::BackOff(_)) {
             0
@@ -36,7 +36,7 @@ impl Block {
     }
 }
 
-/// Way in which a thread goes on.
+/// How a thread resumes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Resume {
     Go(i32),
@@ -52,13 +52,13 @@ pub(crate) enum Resume {
 
 /// Event that ends a wait, beside its deadline and signals.
 pub(crate) enum Wait {
-    /// Nothing else. Where the rest of the time goes if it is interrupted.
+    /// Nothing else. The address for the remaining time if it is interrupted.
     Sleep {
         rest: Option<u64>,
     },
-    /// A back-off: nothing but time. How the thread goes on then.
+    /// A back-off: only time. How the thread resumes then.
     BackOff(Resume),
-    /// One of these descriptors, if that is said of it.
+    /// One of these descriptors, with these poll flags.
     Poll {
         set: Vec<Awaited>,
         result: PollResult,
@@ -82,9 +82,9 @@ pub(crate) enum Wait {
         /// Value that the syscall returns when all have been sent.
         count: usize,
     },
-    /// A read or write, or the rest of one, of what is no port.
+    /// A read or write, or the rest of one, of what is not a port.
     Transfer(Rest),
-    /// Another thread that wakes those that wait there.
+    /// A futex: another thread wakes those that wait there.
     Futex {
         key: FutexKey,
         address: u64,
@@ -95,7 +95,7 @@ pub(crate) enum Wait {
         set: Option<u64>,
         mask: Option<u64>,
     },
-    /// Whatever another thread does; then the syscall is made again. The thread is at a syscall-exit stop.
+    /// Any event of another thread; then the syscall is retried. The thread is at a syscall-exit stop.
     Again(Retried),
     /// The child of `vfork`, until it has its own memory.
     Vfork {
@@ -110,11 +110,11 @@ pub(crate) struct Times {
     pub(crate) deadline: Option<u64>,
     /// Signals that are blocked meanwhile in the place of others.
     pub(crate) mask: Option<u64>,
-    /// Where the time that is left goes, if anywhere, and whether it has microseconds.
+    /// Address for the remaining time, if any, and whether it is in microseconds.
     pub(crate) left: (u64, bool),
 }
 
-/// A descriptor that is waited for. It stays what it was when the wait began, whatever its number leads to.
+/// A descriptor that is waited for. Its file stays the one at the beginning of the wait.
 pub(crate) struct Awaited {
     pub(crate) fd: i32,
     pub(crate) flags: PollFlags,
@@ -139,14 +139,13 @@ pub(crate) struct Rest {
     pub(crate) enough: Option<u64>,
 }
 
-/// A syscall that is made without waiting, and again when something has happened.
+/// A syscall that is made without blocking, and retried after other events.
 pub(crate) struct Retried {
     /// Its number and arguments.
     pub(crate) call: (i64, [u64; 6]),
-    /// What the second of them leads to, or that in which it says what it has found, if not to what the
-    /// program has there.
+    /// Bytes for the second argument, or for the one that receives the result, in place of the program's.
     pub(crate) memory: Vec<u8>,
-    /// Results by which it says that it would have to wait.
+    /// Results that mean that it would block.
     pub(crate) would_wait: &'static [i32],
     /// Address of a word that is not 0 once it has found something; 0 if that is in `memory`.
     pub(crate) found: Option<u64>,

@@ -1,4 +1,4 @@
-//! Polls of waits: whether what they are for is there, or their time is over.
+//! Polls of waits: whether their event has come, or their deadline.
 
 use crate::traced::clock::nanoseconds;
 use crate::traced::sys::Tid;
@@ -21,7 +21,7 @@ impl Tracer<'_> {
     pub(crate) fn poll_waits(&mut self) -> Result<bool, Halt> {
         let (mut any, happened) = (false, self.schedule.happened);
         let polled_at = |one: &Thread| one.block().map(|block| block.polled_at);
-        // Those that have not been polled since something has happened; first those that were so long ago.
+        // Waits not polled since the last event, the longest ago first.
         let mut all = self
             .tree
             .all(|one| polled_at(one).is_some_and(|at| at < happened));
@@ -42,7 +42,7 @@ impl Tracer<'_> {
         block.polled_at = happened;
         let registers = block.registers;
         let (asked, ends) = (block.deadline, block.ends());
-        // Taken out for the poll, and put back if it goes on.
+        // Removed for the poll, and put back if the wait continues.
         let mut wait = std::mem::replace(&mut block.wait, Wait::Forever);
         let is_over = ends.is_some_and(|at| at <= self.now);
         let deadline = self.new_deadline(&mut wait, asked);
@@ -72,7 +72,7 @@ impl Tracer<'_> {
         Ok(true)
     }
 
-    /// Returns whether what is waited for is there.
+    /// Returns whether the awaited event has come.
     fn polled(&mut self, tid: Tid, wait: &mut Wait, is_late: bool) -> Result<Polled, Halt> {
         Ok(match wait {
             Wait::Poll { set, result, times } => {
@@ -92,7 +92,7 @@ impl Tracer<'_> {
                     }
                     Polled::Answer(self.receive(tid, *port, into)?)
                 }
-                // As the terminal has it for reads that wait; those that follow find the end.
+                // As a terminal does for pending reads; later reads find the end.
                 _ => Polled::Answer(-i64::from(libc::EIO)),
             },
             Wait::PortWrite {
@@ -124,7 +124,7 @@ impl Tracer<'_> {
                 self.schedule.happened += u64::from(rest.done > before);
                 answer.map_or(Polled::Waits, Polled::Answer)
             }
-            // Each time something has happened; but not when it is too late.
+            // Retried after each event, but not after the deadline.
             Wait::Again(retried) if !is_late => {
                 let result = self.try_once(tid, retried)?;
                 result.map_or(Polled::Waits, Polled::Answer)

@@ -122,7 +122,7 @@ fn computing(tid: Tid, place: Option<String>) -> String {
 /// Ticks in which a thread that is interrupted has stopped.
 const MOST_TICKS: u32 = 100;
 
-/// In which file a thread computes, which it does no more after that.
+/// Interrupts a thread for good, and returns the file in which it computes.
 fn interrupted_place(process: Tid, tid: Tid) -> Option<String> {
     sys::interrupt(tid).ok()?;
     // It stops when the system has time for it; the ticks interrupt the wait.

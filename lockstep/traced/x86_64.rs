@@ -1,4 +1,4 @@
-//! All that is of x86-64: registers, the numbers of syscalls, the filter, the vDSO, `rdtsc`.
+//! Everything specific to x86-64: registers, the numbers of syscalls, the filter, the vDSO, `rdtsc`.
 
 #[path = "x86_64/calls.rs"]
 mod calls;
@@ -61,7 +61,7 @@ impl Registers {
         self.0.rax = result.cast_unsigned();
     }
 
-    /// At a syscall-exit stop: makes it again. These are the registers from its beginning.
+    /// At a syscall-exit stop: restarts the syscall, with the registers from its entry.
     pub(crate) fn make_again(&mut self) {
         self.0.rax = self.0.orig_rax;
         self.0.orig_rax = u64::MAX;
@@ -69,7 +69,7 @@ impl Registers {
         self.0.rip -= 2;
     }
 
-    /// Makes a syscall at such an instruction, whatever the program was at.
+    /// Makes a syscall at such an instruction, wherever the program is.
     pub(crate) fn call(&self, gate: u64, number: i64, arguments: [u64; 6]) -> Self {
         let mut changed = *self;
         changed.0.rip = gate;
@@ -81,7 +81,7 @@ impl Registers {
         changed
     }
 
-    /// The instruction `syscall` that the program is behind, at a syscall.
+    /// Address of the program's current `syscall` instruction.
     pub(crate) fn gate(&self) -> u64 {
         self.0.rip.wrapping_sub(2)
     }
@@ -109,7 +109,7 @@ impl Registers {
         }
     }
 
-    /// Does what such an instruction would; `ticks` is what it reads.
+    /// Emulates such an instruction, which reads `ticks`.
     pub(crate) fn read_time_stamp(&mut self, length: u64, ticks: u64) {
         self.0.rax = ticks & 0xFFFF_FFFF;
         self.0.rdx = ticks >> 32;
@@ -120,8 +120,8 @@ impl Registers {
     }
 }
 
-/// Returns a program that has just been loaded these bytes for its canary and its own random numbers;
-/// its vDSO, if it has one whose functions can be replaced.
+/// Writes these random bytes into a program that has just been loaded (`AT_RANDOM`); returns its vDSO, if its
+/// functions can be replaced.
 pub(crate) fn prepare_image(
     memory: Memory,
     stack: u64,

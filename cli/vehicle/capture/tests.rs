@@ -44,7 +44,7 @@ fn an_error_names_its_line_and_what_is_allowed() {
         ("1,client,AA\n0.5,client,AA", "line 2: time goes back"),
         (
             "1,car,AA",
-            "line 1: `car` is no direction; allowed: client, vehicle",
+            "line 1: `car` is not a direction; allowed: client, vehicle",
         ),
         (
             "1,client:1,AA",
@@ -52,16 +52,16 @@ fn an_error_names_its_line_and_what_is_allowed() {
         ),
         (
             "1,client,A",
-            "line 1: `A` is no bytes: pairs of hexadecimal digits",
+            "line 1: `A` is not bytes: pairs of hexadecimal digits",
         ),
         (
             "1,client",
-            "line 1: `` is no bytes: pairs of hexadecimal digits",
+            "line 1: `` is not bytes: pairs of hexadecimal digits",
         ),
-        (".5,client,AA", "line 1: `.5` is no time in seconds"),
-        ("-1,client,AA", "line 1: `-1` is no time in seconds"),
-        ("1e3,client,AA", "line 1: `1e3` is no time in seconds"),
-        ("1.-5,client,AA", "line 1: `1.-5` is no time in seconds"),
+        (".5,client,AA", "line 1: `.5` is not a time in seconds"),
+        ("-1,client,AA", "line 1: `-1` is not a time in seconds"),
+        ("1e3,client,AA", "line 1: `1e3` is not a time in seconds"),
+        ("1.-5,client,AA", "line 1: `1.-5` is not a time in seconds"),
         ("", "it has no lines; each is `seconds,direction,bytes`"),
     ] {
         let error = of_text(text, 1).unwrap_err();

@@ -9,10 +9,10 @@ use pcap_parser::{Block, Linktype, PcapBlockOwned, PcapError, create_reader};
 use super::Row;
 use crate::print::complain;
 
-/// Longest file and longest block of it, in bytes.
+/// Limits of a file and of a block in it, bytes.
 const MOST_BYTES: u64 = 1 << 30;
 const MOST_BLOCK: usize = 1 << 20;
-/// Sizes of packets of USB, at full speed and at high speed.
+/// Packet sizes of USB at full speed and at high speed, bytes.
 const PACKETS: [usize; 2] = [64, 512];
 
 /// Bus and number of a device.
@@ -54,17 +54,17 @@ pub(super) fn read(
 
 /// All bulk transfers with bytes.
 fn transfers(file: impl Read + Send) -> anyhow::Result<BTreeMap<Device, Vec<Row>>> {
-    let in_words = |error: PcapError<_>| anyhow!("it is no pcap or pcapng file: {error:?}");
+    let in_words = |error: PcapError<_>| anyhow!("it is not a pcap or pcapng file: {error:?}");
     let mut reader = create_reader(MOST_BLOCK, file).map_err(in_words)?;
     let mut devices = BTreeMap::<Device, Vec<Row>>::new();
-    // Type of packets, parts of a second, s to add.
+    // Link type, fractions of a second, offset in s.
     let mut interfaces: Vec<(Linktype, u64, i64)> = Vec::new();
     let (mut is_big, mut number) = (false, 0);
     loop {
         let (size, block) = match reader.next() {
             Ok(next) => next,
             Err(PcapError::Eof) => return Ok(devices),
-            // Its end, and a block that is too long, are other errors.
+            // The end of the file and a block that is too long are separate errors.
             Err(PcapError::Incomplete(_)) => {
                 let filled = reader.refill();
                 filled.map_err(|error| anyhow!("it cannot be read: {error:?}"))?;
@@ -152,14 +152,14 @@ fn number(data: &[u8], at: usize, size: usize, is_big: bool) -> Option<usize> {
     })
 }
 
-/// The device, whether the computer sent it, and the bytes of a bulk transfer, if they are all there.
+/// Device, direction (`true`: from the computer) and bytes of a bulk transfer, if it is complete.
 type Bulk<'d> = Option<(Device, bool, Option<&'d [u8]>)>;
 
-/// A packet of Linux: a head in the order of bytes of the computer, then the data.
+/// A packet of Linux: a header in the computer's byte order, then the data.
 fn usbmon(data: &[u8], head: usize, is_big: bool) -> Bulk<'_> {
     let [kind, transfer, endpoint, device] = *data.get(8..12)?.first_chunk()?;
     let by_client = endpoint & 0x80 == 0;
-    // What goes out is there when it is submitted, what comes in when that is completed.
+    // Outgoing data comes with the submission, incoming data with the completion.
     if transfer != 3 || kind != if by_client { b'S' } else { b'C' } {
         return None;
     }
@@ -168,13 +168,13 @@ fn usbmon(data: &[u8], head: usize, is_big: bool) -> Bulk<'_> {
     (length > 0).then(|| (device, by_client, data.get(head..head + length)))
 }
 
-/// A packet of Windows, likewise, whose head has a length and the least byte first.
+/// A packet of Windows: a header with its length, little-endian, then the data.
 fn usbpcap(data: &[u8]) -> Bulk<'_> {
     let [bus, device] = [17, 19].map(|at| number(data, at, 2, false));
     let [endpoint, transfer] = *data.get(21..23)?.first_chunk()?;
     let (head, length) = (number(data, 0, 2, false)?, number(data, 23, 4, false)?);
     let by_client = endpoint & 0x80 == 0;
-    // Set in what the device has answered.
+    // Set in replies of the device.
     let is_answer = data[16] & 1 == 1;
     if transfer != 3 || is_answer == by_client || length == 0 {
         return None;
@@ -183,8 +183,8 @@ fn usbpcap(data: &[u8]) -> Bulk<'_> {
     Some((device, by_client, data.get(head..head + length)))
 }
 
-/// Removes the two bytes of state that an adapter of FTDI puts before the data of each packet. The first has
-/// always the same lower half, and it comes also when there are no data.
+/// Removes the two status bytes that an FTDI adapter puts before the data of each packet, also without data.
+/// The lower half of the first is constant.
 fn remove_status(rows: &mut Vec<Row>) {
     let came = || rows.iter().filter(|row| !row.by_client);
     let is_status = |packet: &[u8]| packet.len() >= 2 && packet[0] & 0x0F == 1;

@@ -40,7 +40,7 @@ fn what_comes_is_ticked_by_its_bytes_and_its_time() {
     let (one, two): (&[u8], &[u8]) = (&[1, 2], &[1, 3]);
     let (next, next_one) = ("manoeuvre_next next: two", "manoeuvre_next next: one");
     let cases: &[(&[Sent], &[&str], &[&str])] = &[
-        // In parts, behind what is no part of it, and not on the other link.
+        // In parts, behind what is not part of it, and not on the other link.
         (
             &[(0, 1.0, &[9, 1, 1, 2, 1]), (0, 3.0, &[3])],
             &["manoeuvre_done done: one", next],

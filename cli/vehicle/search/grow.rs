@@ -1,6 +1,6 @@
 //! Search for changes, over longer and longer beginnings of the recordings.
 //!
-//! A reply depends on what was before it only. So few settings act in a short beginning, and what was found
+//! A reply depends only on what came before it. So few settings act in a short beginning, and what was found
 //! there holds in the rest.
 
 use std::collections::BTreeSet;
@@ -13,35 +13,35 @@ use super::super::model::{Cell, cost};
 use super::super::recording::Recording;
 use super::{Model, Search, Trial};
 
-/// Beginnings that are searched one after the other.
+/// Number of beginnings of the recordings, searched one after the other.
 const BEGINNINGS: usize = 8;
-/// How many times wider than they are deviations are taken, one after the other: what is far off has no slope.
+/// Factors that widen the deviations, one after the other: a value that is far off has no slope.
 const SCALES: [f64; 2] = [10.0, 1.0];
 /// Most sets of changes that are kept, and changes that are added to each.
 const KEPT: usize = 2;
 const ADDED: usize = 4;
-/// How many times the mean of chance is still chance.
+/// Multiple of the mean of chance that is still chance.
 const CHANCE: f64 = 1.1;
-/// Cost by first order from which on it is not tried to take a change back.
+/// First-order cost above which no change is taken back.
 const NEEDED: f64 = 1000.0;
 
 /// Settings, by what was changed: choices with their values.
 type Set = Vec<(usize, String)>;
 
-/// What a trial promises if the numbers follow.
+/// Expected saving of a trial if the numbers adapt.
 pub(super) struct Promise<'t> {
     pub(super) saves: f64,
-    /// Part of its change.
+    /// Fraction of its change.
     part: f64,
-    /// Steps of the numbers for a whole of it.
+    /// Steps of the numbers for the whole change.
     follow: Vec<f64>,
-    /// Set if it is what is there, or bits, that it changes for the better.
+    /// Set if it improves bits, or which replies are there.
     is_form: bool,
     pub(super) trial: &'t Trial,
 }
 
 impl Search<'_> {
-    /// The settings by which the model does what was recorded.
+    /// The settings with which the model reproduces the recordings.
     pub(super) fn grown(&self) -> Result<SimSettings, String> {
         let mut kept = vec![self.base.clone()];
         for part in 1..=BEGINNINGS {
@@ -126,7 +126,7 @@ impl Search<'_> {
         Ok(all.into_iter().map(|(.., model)| model.settings).collect())
     }
 
-    /// Returns whether no more is left than chance leaves.
+    /// Returns whether chance explains the residual.
     fn is_explained(&self, model: &Model) -> bool {
         let by_chance = model.fresh.iter().map(|play| self.cost_of(model, play));
         let by_chance = by_chance.sum::<f64>() / model.fresh.len() as f64;
@@ -141,7 +141,7 @@ impl Search<'_> {
         self.changed(settings).into_iter().map(value).collect()
     }
 
-    /// Models with one change more or less, with their numbers at the best, whose sets are not known.
+    /// Models of new sets with one change more or less, with their numbers at the best.
     fn neighbours(
         &self,
         model: &Model,
@@ -283,7 +283,7 @@ impl Search<'_> {
         next.map(polish).transpose()
     }
 
-    /// What each number saves by first order, if all others follow when it is taken back.
+    /// First-order saving of each number, if all others adapt when it is taken back.
     fn needs(&self, model: &Model, numbers: &[usize]) -> Result<Vec<f64>, String> {
         let slopes = self.slopes(model, numbers, &mut vec![0.25; numbers.len()])?;
         let weights = self.rest(model, &self.vehicle).1;
@@ -297,7 +297,7 @@ impl Search<'_> {
         Ok(numbers.iter().enumerate().map(need).collect())
     }
 
-    /// Of trials those that save so much if the numbers follow, the best first.
+    /// The trials that save this much if the numbers adapt, the best first.
     pub(super) fn promises<'t>(
         &self,
         model: &Model,
@@ -359,7 +359,7 @@ impl Search<'_> {
         Ok(all)
     }
 
-    /// What a trial saves by bits, and by what is there.
+    /// Saving of a trial by bits, and by which replies are there.
     fn saved_form(&self, model: &Model, trial: &Trial) -> f64 {
         let each = self.slots(false).map(|(at, slot)| {
             let [from, to, seen] =
@@ -379,7 +379,7 @@ impl Search<'_> {
         each.sum()
     }
 
-    /// The model with what a trial promises; `None` if that is not allowed.
+    /// The model with the changes of a trial; `None` if they are not allowed.
     pub(super) fn with(
         &self,
         model: &Model,

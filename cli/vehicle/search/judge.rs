@@ -1,4 +1,4 @@
-//! Which of the changes are needed, which others explain as much, and what that says of each setting.
+//! Which changes are needed, which others explain as much, and the result for each setting.
 
 use std::collections::BTreeSet;
 
@@ -11,20 +11,20 @@ use super::{ENOUGH, Found, Model, Search, Trial, Verdict};
 
 /// Most changes that are exchanged for others.
 const MOST_SWAPS: usize = 8;
-/// Half of an interval of 99 %, in standard deviations, with what the plays of the model scatter.
+/// Half of a 99 % interval, in standard deviations, including the scatter of the model's plays.
 const WIDE: f64 = 3.0;
-/// Share of what a setting saves that another has to promise before it is tried instead, and how many are.
+/// Fraction of a setting's saving that another must promise to be tried instead, and how many are tried.
 const AS_MUCH: f64 = 0.5;
 const MOST_INSTEAD: usize = 3;
-/// How many standard deviations of chance may be left of what a setting changes.
+/// Residual of what a setting changes that is allowed, in standard deviations of chance.
 const LEFT: f64 = 4.0;
-/// Share of what a setting saves that may be left: one in the place of another leaves more.
+/// Fraction of a setting's saving that may be left: a setting that stands in for another leaves more.
 const SHARE: f64 = 0.05;
-/// Parts of the recordings by which it is known how far numbers scatter.
+/// Parts of the recordings from which the scatter of numbers is estimated.
 const PARTS: usize = 20;
 
 impl Search<'_> {
-    /// Slot at which one model fits better than another by most.
+    /// Slot at which one model's advantage over another is greatest.
     fn shows(&self, before: &Model, after: &Model) -> (usize, usize) {
         let saved = |at| self.saved_at(before, after, at);
         let slots = self.slots(false);
@@ -33,8 +33,8 @@ impl Search<'_> {
             .unwrap_or_default()
     }
 
-    /// Takes back what the others explain as well, takes what explains more instead, and notes what explains
-    /// as much: all with the numbers of the others at their best.
+    /// Takes back changes that the others explain as well, exchanges those for which another explains more, and
+    /// records those that explain as much. The numbers of the others are at their best each time.
     pub(super) fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
         let mut found: Vec<Found> = Vec::new();
         let mut swaps = MOST_SWAPS;
@@ -106,8 +106,8 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// Of all that the model does otherwise than another: the cost that is left beyond chance, and the most
-    /// that chance leaves.
+    /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
+    /// leaves.
     fn left(&self, other: &Model, model: &Model) -> [f64; 2] {
         let changes = self.values(model, |(at, slot), cell, channel| {
             let before = &other.cells[at][slot];
@@ -132,7 +132,7 @@ impl Search<'_> {
         let fresh = model.fresh.iter().map(|play| left(play)[0]);
         let mut by_chance = fresh.sum::<f64>() / model.fresh.len() as f64;
         if self.is_real() {
-            // Plays do not have what the machine adds, by which the standard deviations were widened.
+            // Plays lack the machine's share, by which the standard deviations were widened.
             by_chance = by_chance.max(count);
             of_vehicle -= most;
         }
@@ -141,7 +141,7 @@ impl Search<'_> {
         [of_vehicle - by_chance + wrong, LEFT * spread + 1.0]
     }
 
-    /// Notes the values that were found, and their intervals.
+    /// Records the values that were found, and their intervals.
     pub(super) fn measure(&self, model: &Model, found: &mut [Found]) -> Result<(), String> {
         let numbers = self.numbers(&model.settings);
         if numbers.is_empty() {
@@ -150,7 +150,7 @@ impl Search<'_> {
         let slopes = self.slopes(model, &numbers, &mut vec![0.25; numbers.len()])?;
         let (rest, weights) = self.rest(model, &self.vehicle);
         let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
-        // What is left in each part of the recordings pulls the numbers elsewhere: so far they scatter.
+        // The residual of each part of the recordings pulls the numbers elsewhere: that is their scatter.
         let left = DVector::from_vec(rest).component_mul(&DVector::from_vec(weights));
         let part = left.len().div_ceil(PARTS).max(1);
         let pull = |from: usize| {
@@ -170,7 +170,7 @@ impl Search<'_> {
             let moved = moved.as_ref().map_or(0.0, |all| all.row(at).norm_squared());
             let variance = by_chance.max(moved);
             let value = knob.number_in(&model.settings);
-            // It may show only in what is there or is not, or be lost in what the machine explains.
+            // It may show only in which replies are there, or be hidden by the machine's delays.
             if slopes.column(at).amax() < 4.0 || variance > 0.1 {
                 let ends = self.ends(model, knob)?;
                 let wider = [-0.125, 0.125].map(|steps| move |end| knob.beyond(end, steps));

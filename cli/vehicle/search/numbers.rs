@@ -1,4 +1,4 @@
-//! Numbers: what small changes of them do, their best values, and what fits as well.
+//! Numbers: the effect of small changes, their best values, and the values that fit as well.
 
 use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
@@ -10,18 +10,18 @@ use super::{Model, Play, Search};
 
 /// Most steps in which numbers are improved.
 const MOST_STEPS: usize = 12;
-/// Damping from which on a step is too short to be of use.
+/// Damping above which a step is too short to be of use.
 const MOST_DAMPING: f64 = 300.0;
-/// By how much a change has to show from which a slope is taken, in standard deviations.
+/// Least effect of a change from which a slope is taken, in standard deviations.
 const WIDTH: f64 = 80.0;
-/// What holds a number that does nothing, as if it was known to about two of its steps.
+/// Weight that holds a number without effect, as if it were known to about two steps.
 const HELD: f64 = 0.25;
 /// Cost above the least, within which the values of a number are as good: 99 % of a chi-square with one degree
 /// of freedom.
 const AS_GOOD: f64 = 6.63;
 
 impl Search<'_> {
-    /// What changes from one play to another, in standard deviations: a column of the Jacobian.
+    /// Difference of two plays, in standard deviations: a column of the Jacobian.
     pub(super) fn column(&self, model: &Model, from: &[Seen], to: &[Seen]) -> Vec<f64> {
         self.values(model, |(at, slot), cell, channel| {
             let [from, to] = [from, to].map(|play| play[at][slot].as_ref());
@@ -31,7 +31,7 @@ impl Search<'_> {
         })
     }
 
-    /// What is left between replies and model, in standard deviations, and the weights.
+    /// Residuals between replies and model, in standard deviations, and the weights.
     pub(super) fn rest(&self, model: &Model, seen: &[Seen]) -> (Vec<f64>, Vec<f64>) {
         let rest = self.values(model, |(at, slot), cell, channel| {
             let reply = seen[at][slot].as_ref();
@@ -62,7 +62,7 @@ impl Search<'_> {
         all
     }
 
-    /// Of values so many steps off those that are allowed, from the least on, and what each saves.
+    /// Of values this many steps away, those that are allowed, in ascending order, and what each saves.
     pub(super) fn ladder(
         &self,
         model: &Model,
@@ -83,7 +83,7 @@ impl Search<'_> {
         Ok(values.zip(played.iter().map(saved)).collect())
     }
 
-    /// The ends of what fits as well as the present value of a number; `None` where all that is beyond does.
+    /// Ends of the interval that fits as well as the present value of a number; `None` for an open end.
     pub(super) fn ends(&self, model: &Model, knob: &Knob) -> Result<[Option<f64>; 2], String> {
         let far = (1..=12).map(|power| 1.5 * 1.5_f64.powi(power));
         let far = far.flat_map(|steps| [-steps, steps]);
@@ -114,7 +114,7 @@ impl Search<'_> {
         Ok(model)
     }
 
-    /// What a step of each number does, by a change so wide that it shows; the widths become those that do.
+    /// Effect of a step of each number, from a change wide enough to show; updates the widths.
     pub(super) fn slopes(
         &self,
         model: &Model,
@@ -152,7 +152,7 @@ impl Search<'_> {
         Ok(DMatrix::from_vec(rows, numbers.len(), columns))
     }
 
-    /// The normal matrix; what does nothing is held where it is.
+    /// The normal matrix; numbers without effect are held where they are.
     pub(super) fn normal(matrix: &DMatrix<f64>, weights: &[f64], damping: f64) -> DMatrix<f64> {
         let mut weighted = matrix.clone();
         for (mut row, weight) in weighted.row_iter_mut().zip(weights) {
@@ -201,7 +201,7 @@ impl Search<'_> {
         Ok(model)
     }
 
-    /// The settings with numbers so many steps off.
+    /// The settings with numbers moved by this many steps.
     pub(super) fn shifted(
         &self,
         settings: &SimSettings,
@@ -218,7 +218,7 @@ impl Search<'_> {
         settings
     }
 
-    /// Of settings that were changed the numbers.
+    /// The numbers among changed settings.
     pub(super) fn numbers(&self, settings: &SimSettings) -> Vec<usize> {
         let mut changed = self.changed(settings);
         changed.retain(|at| self.knobs[*at].choices.is_empty());
@@ -226,7 +226,7 @@ impl Search<'_> {
     }
 }
 
-/// Of values and what each saves, the least and the greatest around the best that save as much.
+/// Ends of the range around the best value in which values save as much.
 fn as_good(ladder: &[(f64, f64)]) -> Option<[f64; 2]> {
     let saved = ladder.iter().map(|(_, saved)| *saved);
     let most = saved.clone().fold(f64::NEG_INFINITY, f64::max);

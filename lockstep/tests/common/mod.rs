@@ -193,8 +193,8 @@ pub struct Played {
     pub kept_end: Option<OwnedFd>,
 }
 
-/// How to play it.
-pub struct Stage {
+/// Options of a run in a test.
+pub struct Setup {
     pub seed: Option<u64>,
     pub schedule: Option<u64>,
     pub device: Device,
@@ -203,7 +203,7 @@ pub struct Stage {
     pub allowed: [Option<Duration>; 2],
 }
 
-impl Default for Stage {
+impl Default for Setup {
     fn default() -> Self {
         Self {
             seed: Some(7),
@@ -216,14 +216,14 @@ impl Default for Stage {
 }
 
 /// Runs a program with the device at `$PORT`.
-pub fn play_on(stage: Stage, words: &[&str]) -> Result<Played, Error> {
+pub fn play_on(setup: Setup, words: &[&str]) -> Result<Played, Error> {
     // The same name each time in one test, whose thread it is named by.
     let (process, thread) = (std::process::id(), std::thread::current().id());
     let link = std::env::temp_dir().join(format!("lockstep-{process}-{thread:?}"));
     let mut ports = vec![Port::new(link.clone(), 115_200).expect("a port")];
     let mut output = tempfile::tempfile().expect("a file");
     let words: Vec<OsString> = words.iter().map(OsString::from).collect();
-    let mut environment = stage.environment;
+    let mut environment = setup.environment;
     environment.push(("PORT".to_owned(), link.into_os_string()));
     let program = Program {
         words: &words,
@@ -233,14 +233,14 @@ pub fn play_on(stage: Stage, words: &[&str]) -> Result<Played, Error> {
     let begun = Instant::now();
     let stop = AtomicBool::new(false);
     let options = Options {
-        seed: stage.seed,
-        schedule: stage.schedule,
+        seed: setup.seed,
+        schedule: setup.schedule,
         date: DATE,
-        allowed: stage.allowed[0],
-        until: stage.allowed[1].map(|allowed| begun + allowed),
+        allowed: setup.allowed[0],
+        until: setup.allowed[1].map(|allowed| begun + allowed),
         stop: &stop,
     };
-    let mut device = stage.device;
+    let mut device = setup.device;
     let ending = rigsim_lockstep::run(program, &options, &mut ports, &mut device)?;
     let took = begun.elapsed();
     let mut text = Vec::new();
@@ -255,21 +255,21 @@ pub fn play_on(stage: Stage, words: &[&str]) -> Result<Played, Error> {
     })
 }
 
-/// The same on the usual stage.
+/// The same on the usual setup.
 pub fn play(words: &[&str]) -> Played {
-    play_on(Stage::default(), words).expect("it can be run")
+    play_on(Setup::default(), words).expect("it can be run")
 }
 
 /// A program in Python; `None` where there is none, which is said.
 pub fn python(code: &str) -> Option<Played> {
-    python_on(Stage::default(), code)
+    python_on(Setup::default(), code)
 }
 
-/// The same on this stage.
-pub fn python_on(stage: Stage, code: &str) -> Option<Played> {
+/// The same on this setup.
+pub fn python_on(setup: Setup, code: &str) -> Option<Played> {
     let python = program("python3")?;
     let python = python.to_str().expect("a path of letters");
-    Some(play_on(stage, &[python, "-c", code]).expect("it can be run"))
+    Some(play_on(setup, &[python, "-c", code]).expect("it can be run"))
 }
 
 /// Runs a program to its end beside the clients of other tests.

@@ -10,7 +10,7 @@ use rustix::process::{TimeStampCounterReadability, set_time_stamp_counter_readab
 use rustix::stdio::{dup2_stderr, dup2_stdin, dup2_stdout};
 use rustix::thread::set_no_new_privs;
 
-/// All that a child needs, made before it comes to be: it must take no memory.
+/// All that a child needs, prepared before the fork: a child must not allocate.
 pub(crate) struct Image<'a> {
     file: &'a CString,
     words: Vec<*const c_char>,
@@ -41,9 +41,8 @@ impl<'a> Image<'a> {
     }
 }
 
-/// Forks. The child has no descriptors but these streams and `line`, where it reports that with a byte and
-/// waits until it is traced. Then it becomes the program; `line` is closed, or tells the number of the
-/// syscall that failed, above that of the error.
+/// Forks. The child keeps only these streams and `line`. It sends a byte on `line`, waits until it is traced,
+/// and calls exec. Then `line` is closed, or carries the number of the failed syscall, above the error number.
 pub(crate) fn fork(
     image: &Image<'_>,
     line: BorrowedFd<'_>,
@@ -110,7 +109,7 @@ fn prepare(image: &Image<'_>) -> Result<(), (i64, i32)> {
         .map_err(failed(libc::SYS_prctl))?;
     // SAFETY: takes numbers, a set that is filled before, and a filter that outlives the call.
     unsafe {
-        // What this program ignores or blocks is its own affair.
+        // The child does not inherit ignored or blocked signals.
         libc::signal(libc::SIGPIPE, libc::SIG_DFL);
         let mut none = std::mem::MaybeUninit::<libc::sigset_t>::uninit();
         libc::sigemptyset(none.as_mut_ptr());

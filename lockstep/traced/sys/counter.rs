@@ -1,9 +1,9 @@
 //! The time stamp counter of the tracer's thread.
 //!
-//! A client cannot read the counter. The kernel switches it whenever a thread that can read it runs before or after
-//! one that cannot, and on a virtual machine that takes longer than the rest of a stop. So the tracer cannot read
-//! it either while clients run. When it does all the same, as the system's clocks do, it can from then on, until it
-//! waits for the next stop.
+//! A client cannot read the counter. A switch between threads with and without that right takes the kernel longer
+//! than the rest of a stop on a virtual machine. So the tracer, too, gives up the right while clients run. When it
+//! reads the counter nevertheless, for example through the system's clocks, it gets the right back until it waits
+//! for the next stop.
 
 use std::cell::Cell;
 use std::ptr;
@@ -26,7 +26,7 @@ thread_local! {
     static STATE: Cell<State> = const { Cell::new(State::Free) };
 }
 
-/// What was done at a fault before.
+/// The earlier handler of faults.
 static BEFORE: OnceLock<libc::sigaction> = OnceLock::new();
 
 /// A thread that traces, until this is dropped.
@@ -63,7 +63,7 @@ impl Drop for Counter {
 
 /// A thread that traces is about to wait.
 pub(crate) fn hide() {
-    // Refused, it costs time and nothing else.
+    // A refusal costs only time.
     if STATE.get() == State::Readable
         && set_time_stamp_counter_readability(Readability::RaiseSIGSEGV).is_ok()
     {
@@ -71,7 +71,7 @@ pub(crate) fn hide() {
     }
 }
 
-/// Makes the counter readable, or leaves the fault to what handled faults before; then it happens again.
+/// Makes the counter readable, or restores the earlier handler; then the instruction is repeated.
 extern "C" fn faulted(_signal: i32) {
     if time_stamp_counter_readability() == Ok(Readability::RaiseSIGSEGV) {
         let _ = set_time_stamp_counter_readability(Readability::Readable);

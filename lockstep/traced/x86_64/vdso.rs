@@ -1,8 +1,8 @@
-//! Clocks inside of a program, so that reading them is no syscall.
+//! Clocks inside of a program, so that reading them takes no syscall.
 //!
 //! The vDSO is a small library that the kernel puts into each program and that reads the real
 //! clock. Its functions are replaced by ones that read simulated time from a page of the program's
-//! own memory, which the tracer writes before it lets the program go on when time has. Whatever
+//! own memory, which the tracer writes before it resumes the program when time has passed. Whatever
 //! else it has is taken out: programs make a syscall then, as they do where a kernel lacks it.
 #![expect(
     unsafe_code,
@@ -127,7 +127,7 @@ fn code(clocks: u64) -> Vec<u8> {
     code
 }
 
-/// Offset of what takes the place of a function of the vDSO.
+/// Offset of the replacement of a vDSO function.
 fn replacement(name: &[u8]) -> Option<usize> {
     let name = name.strip_prefix(b"__vdso_").unwrap_or(name);
     Some(match name {
@@ -145,7 +145,7 @@ struct Function {
     name: Vec<u8>,
 }
 
-/// Reads the vDSO, of which nothing is taken for granted.
+/// Reads the vDSO without assumptions.
 fn read(memory: Memory, base: u64) -> io::Result<Vec<u8>> {
     const PAGE: usize = 4096;
     /// No kernel has one that is longer.
@@ -199,7 +199,7 @@ pub(crate) struct Vdso {
 }
 
 impl Vdso {
-    /// Looks at it; `None` if it is not as it should be, and then the program does not find it.
+    /// Finds it; `None` if it is not as expected, and then the program does not find it either.
     pub(super) fn find(memory: Memory, entry: u64, base: u64) -> io::Result<Option<Self>> {
         let found = read(memory, base).ok().and_then(|image| {
             let functions = functions(&image)?;
@@ -234,8 +234,8 @@ impl Vdso {
         (libc::SYS_mmap, [0, 4096, rights, kind, u64::MAX, 0])
     }
 
-    /// Replaces the functions, now that the system has given this page; where it is. `None` if
-    /// there is none, and then the program does not find the vDSO.
+    /// Replaces the functions, with this new page for the clocks. `None` if there is no page, and then the program
+    /// does not find the vDSO.
     pub(crate) fn replace(&self, tid: Tid, page: i64) -> io::Result<Option<u64>> {
         let page = u64::try_from(page).ok();
         let written = page.filter(|page| self.write(tid, *page).is_ok());
@@ -254,7 +254,7 @@ impl Vdso {
         } in &self.functions
         {
             let offset = replacement(name);
-            // Of no section, which is to say that it is not there.
+            // Section 0 marks it as undefined.
             let section = offset.map_or(abi::SHN_UNDEF, |_| symbol.st_shndx);
             let place = offset.map_or(0, |offset| self.first + offset as u64);
             let mut bytes = symbol.st_name.to_le_bytes().to_vec();
@@ -267,7 +267,7 @@ impl Vdso {
     }
 }
 
-/// Takes it out of what a program is given, so that it reads the time by a syscall.
+/// Removes it from a program's auxiliary vector, so that the program reads the time by a syscall.
 fn hide(memory: Memory, entry: u64) -> io::Result<()> {
     const AT_IGNORE: u64 = 1;
     memory.write(entry, &AT_IGNORE.to_ne_bytes())

@@ -217,9 +217,9 @@ fn what_is_wrong_with_a_capture_is_named() {
         (
             b"seconds,direction,bytes\n".to_vec(),
             "",
-            "no pcap or pcapng file",
+            "not a pcap or pcapng file",
         ),
-        (Vec::new(), "", "no pcap or pcapng file"),
+        (Vec::new(), "", "not a pcap or pcapng file"),
         (
             good.clone(),
             "1.5 1.5",
