@@ -46,7 +46,7 @@ Examples:
   sim --device mecanum --pty /tmp/car --ros-pty /tmp/car-ros --world worlds/yard.toml
       Serve a mecanum car with both of its links, in a yard with walls.
   sim --pty /tmp/r150 --control 127.0.0.1:0
-      Also print the URL of a page that shows the vehicle and lets you break it. See `sim ctl --help`.
+      Also print the URL of a page that shows the vehicle and can break it. See `sim ctl --help`.
   sim --pty /tmp/r150 --scenario scenarios/r150/faults/cable-pulled.toml
       Play the faults of a scenario with any client that opens /tmp/r150, and print the verdict.
   sim run scenarios/r150 -- python3 my_client.py

@@ -405,7 +405,7 @@ impl Drop for RequestQueue {
     }
 }
 
-/// Ends all that was asked for and goes on; gives the names.
+/// Ends every added step that lasts; returns their names.
 fn clear_added(run: &mut Run) -> Result<Vec<String>, RunError> {
     let added = run.steps().filter(|step| step.added && step.lasting);
     let names: Vec<String> = added.map(|step| step.name.to_owned()).collect();

@@ -135,7 +135,7 @@ impl Row {
                 if index == 0 || flags != ["--"] {
                     words.extend_from_slice(flags);
                 }
-                // A file is no flag; what stands for a whole command line has flags.
+                // A file is not a flag; what stands for a whole command line has flags.
                 let is_flag = word.starts_with('-') && !matches!(name, "client" | "words");
                 words.push(format!("{}{word}", if is_flag { "./" } else { "" }));
             }

@@ -12,12 +12,12 @@ use rigsim_pty::paths::Results;
 use crate::exit::{Exit, Failure};
 use crate::visible;
 
-/// Prints a line, or several; the end of the reader is no failure.
+/// Prints a line, or several; the end of the reader is not a failure.
 pub(crate) fn print(text: &str) -> Result<Exit, Failure> {
     written(writeln!(anstream::stdout(), "{}", visible::lines(text)))
 }
 
-/// Exit code when something could not be printed; the end of the reader is no failure.
+/// Exit code when something could not be printed; the end of the reader is not a failure.
 pub(crate) fn written(written: std::io::Result<()>) -> Result<Exit, Failure> {
     match written {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {

@@ -154,7 +154,7 @@ impl<'a> Lines<'a> {
     pub(crate) fn next(&mut self) -> Result<Option<&str>, Failure> {
         let shown = visible::name(self.path);
         self.line.clear();
-        // What is no trace may be one line without an end.
+        // What is not a trace may be one line without an end.
         let mut some = self.file.by_ref().take(MOST_LINE + 1);
         let read = some.read_line(&mut self.line).map_err(|error| {
             let unfit = matches!(error.kind(), ErrorKind::InvalidData | ErrorKind::TimedOut);
@@ -166,7 +166,7 @@ impl<'a> Lines<'a> {
             }
         })?;
         if read as u64 > MOST_LINE {
-            let why = anyhow!("{shown} is no trace: a line of it is too long");
+            let why = anyhow!("{shown} is not a trace: a line of it is too long");
             return Err(Failure::usage(why));
         }
         let line = self.line.trim_end_matches(['\r', '\n']);

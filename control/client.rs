@@ -18,7 +18,7 @@ const CONNECT: Duration = Duration::from_secs(5);
 #[non_exhaustive]
 pub enum CallError {
     /// The URL is not one that a simulator prints.
-    #[error("\"{0}\" is no URL of a simulator, as http://127.0.0.1:4000/#token=…")]
+    #[error("\"{0}\" is not the URL of a simulator, as http://127.0.0.1:4000/#token=…")]
     Url(String),
     /// There is no connection, or it has ended.
     #[error("the simulator at {0} does not answer: {1}")]
@@ -44,7 +44,7 @@ impl Client {
     /// The simulator at a URL with its token, as it prints it.
     ///
     /// # Errors
-    /// When it is no such URL.
+    /// When it is not such a URL.
     pub fn new(url: &str) -> Result<Self, CallError> {
         let parts = url
             .trim()
@@ -118,7 +118,7 @@ impl Client {
         let address = self
             .host
             .parse()
-            .map_err(|_| io::Error::new(ErrorKind::InvalidInput, "that is no address"))?;
+            .map_err(|_| io::Error::new(ErrorKind::InvalidInput, "that is not an address"))?;
         let mut stream = TcpStream::connect_timeout(&address, CONNECT)?;
         stream.set_nodelay(true)?;
         let body = body.map(Value::to_string).unwrap_or_default();
@@ -158,7 +158,7 @@ fn refused(status: u16, answer: &Value) -> CallError {
     }
 }
 
-/// Reads a head and gives its status.
+/// Reads a head and returns its status.
 fn read_head(answer: &mut impl BufRead) -> io::Result<u16> {
     let mut head = Vec::new();
     while !head.ends_with(b"\r\n\r\n") {

@@ -36,7 +36,7 @@ pub struct Head {
     pub waits: bool,
 }
 
-/// Reads the head of a request; gives it with its length, or nothing while it is not complete.
+/// Reads the head of a request; returns it with its length, or `None` while it is not complete.
 ///
 /// # Errors
 /// A refusal for the client, whose connection is of no use any more.
@@ -98,13 +98,13 @@ fn read_target(head: &mut Head, target: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Takes note of a field; gives how many lengths it says.
+/// Reads a field; returns how many lengths it contains.
 fn read_field(head: &mut Head, field: &httparse::Header<'_>) -> Result<usize, Refusal> {
     let is = |name: &str| field.name.eq_ignore_ascii_case(name);
     let text = || {
         str::from_utf8(field.value)
             .map(|text| text.trim().to_owned())
-            .map_err(|_| Refusal::new(400, format!("{} is no text", field.name)))
+            .map_err(|_| Refusal::new(400, format!("{} is not text", field.name)))
     };
     let once = |place: &mut Option<String>| match place.replace(text()?) {
         None => Ok(()),
@@ -120,9 +120,9 @@ fn read_field(head: &mut Head, field: &httparse::Header<'_>) -> Result<usize, Re
         let text = text()?;
         let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
         if !digits {
-            return Err(Refusal::new(400, "the length of the body is no number"));
+            return Err(Refusal::new(400, "the length of the body is not a number"));
         }
-        // What is no usize is too long in any case.
+        // What does not fit in a usize is too long in any case.
         head.body = text.parse().unwrap_or(usize::MAX);
         return Ok(1);
     } else if is("transfer-encoding") {

@@ -311,7 +311,7 @@ impl Drop for Control {
 }
 
 impl Shared {
-    /// Hands a request on and gives the way by which its answer comes.
+    /// Passes a request on; returns the channel of its answer.
     fn ask(&self, ask: Ask, watch: &Arc<Watch>) -> Result<Receiver<Reply>, Refusal> {
         let (reply, answered) = bounded(1);
         let answer = Answer {

@@ -94,7 +94,7 @@ fn every(rate: f64) -> Duration {
 /// A listener; its stream ends when it is dropped.
 #[derive(Debug)]
 pub struct Listener {
-    /// Wishes of it.
+    /// The kinds of message that it subscribes to.
     pub wants: Wants,
     messages: Sender<Message>,
     lost: Arc<AtomicU64>,

@@ -371,7 +371,7 @@ fn a_pending_request_is_answered_however_many_others_go_on_asking() {
             let answer = String::from_utf8_lossy(&answer[..count]);
             assert!(answer.contains("\"State\""), "{answer}");
         }
-        // Tells the others that it is over.
+        // The others learn that it is over.
         drop(control);
     });
 }

@@ -39,7 +39,7 @@ pub enum Error {
         known: String,
     },
     /// The device is of another type.
-    #[error("{device} is no `{wanted}`")]
+    #[error("{device} is not a `{wanted}`")]
     OtherDevice {
         /// Name of the device.
         device: String,

@@ -3,7 +3,7 @@
 //! In simulated time a test of ten seconds takes milliseconds. The client's end of a port is a
 //! [`ClientPort`], which is [`Read`](std::io::Read), [`Write`](std::io::Write) and
 //! [`SerialPort`](serialport::SerialPort): code that takes a `Box<dyn SerialPort>` is tested as it is,
-//! without a pseudo-terminal and without waiting. A read lets simulated time pass until a byte is there
+//! without a pseudo-terminal and without waiting. A read advances simulated time until a byte is there
 //! or its timeout is over.
 //!
 //! ```

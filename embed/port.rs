@@ -21,8 +21,8 @@ const LOOK: Duration = Duration::from_micros(100);
 /// The client's end of a port of a [`Simulation`], for code that takes a `Box<dyn SerialPort>`.
 /// Clones are the same port; it is closed when the last is dropped.
 ///
-/// Nothing waits in real time. A read that has to wait lets simulated time pass until a byte has
-/// arrived or its timeout is over; it gives what has arrived by then, often a single byte, as a
+/// Nothing waits in real time. A read that has to wait advances simulated time until a byte has
+/// arrived or its timeout is over; it returns what has arrived by then, often a single byte, as a
 /// real port may. A write puts bytes on the line, where they take their time, and waits only when
 /// 4096 are on their way; a flush waits until all have arrived. A read or write when the cable is
 /// out fails with [`ErrorKind::BrokenPipe`], and the port has to be opened again.
@@ -33,7 +33,7 @@ const LOOK: Duration = Duration::from_micros(100);
 ///
 /// A look that finds nothing and must not wait ([`SerialPort::bytes_to_read`], or a read with a
 /// timeout of zero) takes 100 µs of simulated time, so that a client that polls gets on. Sleeping
-/// in real time lets no simulated time pass; [`Simulation::advance`] does.
+/// in real time does not advance simulated time; [`Simulation::advance`] does.
 pub struct ClientPort {
     simulation: Simulation,
     /// Index in the state, and which time that it was opened.

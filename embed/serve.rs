@@ -10,7 +10,7 @@
 //! missing. So simulated time stands still from the last time the simulator ran; the clients'
 //! bytes come next, and are dated then. A client sees what it would see of a device that was slow
 //! to answer, every notice of it is a `simulator_stalled`, and what a client does in rhythm but
-//! arrives in a burst is no error of it.
+//! arrives in a burst is not its error.
 //!
 //! When the simulator was late by less, what it reads is dated when it reads it, although it may
 //! have been sent as much earlier.
@@ -219,7 +219,7 @@ impl Server {
         self.until = Instant::now().checked_add(allowed);
     }
 
-    /// Closes the ports, and gives their totals by the device they belonged to.
+    /// Closes the ports; returns their totals by device.
     pub fn close_ports(&mut self) -> Vec<(PortId, Counters)> {
         let ports = self.ports.drain(..);
         ports.map(|s| (s.id, s.counters())).collect()
@@ -329,7 +329,7 @@ impl Server {
         Ok(!self.ports.iter().any(Served::is_attached))
     }
 
-    /// The token of what is watched, which is no port's.
+    /// The token of the watched descriptor, which differs from those of ports.
     fn watched(&self) -> usize {
         self.ports.len()
     }
@@ -442,7 +442,7 @@ impl Server {
     }
 
     /// Takes what a port has to tell, but bytes that wait for a later time only if that has come. What one
-    /// look finds has the time of the first of it: the time that looking takes is no pause between bytes.
+    /// poll finds has the time of the first of it: the time that a poll takes is not a pause between bytes.
     fn take_input(&mut self, token: usize, resumes: bool) -> Result<(), ServeError> {
         let mut buffer = [0; 4096];
         let Some(served) = self.ports.get_mut(token) else {
@@ -459,7 +459,7 @@ impl Server {
             let Some(port) = &mut self.ports[token].port else {
                 return Ok(());
             };
-            // Without room a port still tells of clients that have left.
+            // Without room a port still reports clients that have left.
             let event = port.read(&mut buffer[..room])?;
             match event {
                 Event::Idle => {

@@ -179,7 +179,7 @@ impl Simulation {
         std::iter::from_fn(|| state.run.poll_event()).collect()
     }
 
-    /// Looks at the devices and their world, down to every wheel.
+    /// Calls `look` with the devices and their world, down to every wheel.
     pub fn look<T>(&self, look: impl FnOnce(&Rig) -> T) -> T {
         look(self.state().run.rig())
     }
@@ -239,7 +239,7 @@ impl Device {
         self.simulation.holds(&self.qualified(name))
     }
 
-    /// Looks at the device itself, firmware and hardware, as one of its type.
+    /// Calls `look` with the device itself, firmware and hardware, as one of its type.
     ///
     /// ```
     /// use rigsim_embed::rigsim_core::r150::R150;

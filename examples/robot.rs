@@ -94,7 +94,7 @@ impl DeviceSettings for RobotSettings {
 }
 
 rigsim_core::codes! {
-    /// A line that is no command.
+    /// A line that is not a command.
     BAD_LINE = "bad_line", Warning, ClientUnlessDisturbed;
     /// The wheels were stopped since nothing came.
     WATCHDOG_FIRED = "watchdog_fired", Warning, ClientUnlessDisturbedOrLate;
@@ -261,7 +261,7 @@ impl Robot {
         }
     }
 
-    /// Takes a line; gives the reply, unless it is no command.
+    /// Handles a line; returns the reply if it is a command.
     fn obey(&mut self, now: SimTime, line: &str) -> Option<String> {
         match line.split(' ').collect::<Vec<_>>()[..] {
             ["S", left, right] => {

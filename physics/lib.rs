@@ -2,7 +2,7 @@
 //!
 //! A [`World`] holds every body in one top-down rapier2d world, with what a [`WorldMap`] puts into
 //! it. A plant, [`R150Plant`] or [`MecanumPlant`], is the hardware of one vehicle: it takes the pins
-//! that the firmware drives, solves the electrics and the wheels, and gives back what the firmware's
+//! that the firmware drives, solves the electrics and the wheels, and returns what the firmware's
 //! sensors would read. The world and its plants advance together:
 //!
 //! ```

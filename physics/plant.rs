@@ -83,7 +83,7 @@ pub trait Plant {
         self.vehicle().is_resting()
     }
 
-    /// Looks again whether it can stand, after a change around it such as another ground.
+    /// Checks again whether it can stand, after a change around it such as another ground.
     fn wake(&mut self) {
         self.vehicle_mut().wake();
     }

@@ -262,8 +262,8 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         self.traction.on_ground()
     }
 
-    /// Computes the forces of one step and gives the body the velocity they lead to. Asks for the
-    /// drives of every part of the step, with the speeds of the wheels at its beginning, rad/s.
+    /// Computes the forces of one step and sets the body's velocity. Queries the drives of every part of
+    /// the step, with the speeds of the wheels at its beginning, rad/s.
     pub(crate) fn step(
         &mut self,
         world: &mut World,
@@ -327,7 +327,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         }
     }
 
-    /// Goes on by a part of `dt` seconds; gives the velocity at its end, in its axes.
+    /// Advances by a part of `dt` seconds; returns the velocity at its end, in its axes.
     fn go_on(
         &mut self,
         course: &mut Course,

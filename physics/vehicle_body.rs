@@ -99,7 +99,7 @@ impl VehicleBody {
         self.wake();
     }
 
-    /// Looks again whether it can stand.
+    /// Checks again whether it can stand.
     pub fn wake(&mut self) {
         self.resting = false;
         self.settled = 0.0;

@@ -60,7 +60,7 @@ pub enum PortErrorKind {
          again helps"
     )]
     NotPermitted,
-    /// It is a file or a device that is no serial port.
+    /// It is a file or a device that is not a serial port.
     #[error("it is not a serial port; those are named as /dev/ttyUSB0 (ls /dev/tty*)")]
     NotSerial,
     /// Another program holds the serial device.

@@ -7,14 +7,13 @@ use rustix::termios::{
     ControlModes, InputModes, LocalModes, OutputModes, SpecialCodeIndex, Termios, tcgetattr,
 };
 
-/// Returns the settings of a client's end of a pseudo-terminal, which has this descriptor or is the other
-/// end of it.
+/// Returns the settings of a client's end of a pseudo-terminal; the descriptor is of either end.
 ///
 /// A pseudo-terminal carries bytes whatever the settings are, so the caller compares them with the
 /// device's own.
 ///
 /// # Errors
-/// When it is no terminal.
+/// When it is not a terminal.
 pub fn line_of(terminal: impl AsFd) -> Result<ClientLine, Errno> {
     tcgetattr(terminal).map(|termios| from_termios(&termios))
 }

@@ -38,7 +38,7 @@ pub struct ListenAddress {
 }
 
 impl ListenAddress {
-    /// The address that `text` is, or `None` if it is no URL of these kinds, but a path perhaps.
+    /// The address that `text` is, or `None` if it is not a URL of these kinds, but perhaps a path.
     ///
     /// # Errors
     ///

@@ -73,7 +73,7 @@ impl Port {
     /// least once. It need not be read until [`Event::Idle`]: the waiter
     /// calls it ready again while anything is left.
     ///
-    /// A caller without room for bytes passes an empty buffer, which tells of clients that come and
+    /// A caller without room for bytes passes an empty buffer. It then learns which clients come and
     /// go, and gets [`Event::Idle`] whether there are bytes or not. It has to read again by itself
     /// once it has room.
     ///

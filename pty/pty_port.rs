@@ -411,7 +411,7 @@ impl PtyPort {
             }
         }
         let visits = open(&self.pair)?;
-        // A visit flushes, which is no wish of the client's. What it takes back itself meanwhile is.
+        // A visit flushes, which the client did not ask for. What it takes back itself meanwhile is.
         if let Read::Flushed { output: true, .. } = self.pair.forget_happened()? {
             self.discard_seen()?;
         }

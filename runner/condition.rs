@@ -288,7 +288,7 @@ fn unreadable(text: &str, at: usize) -> ExpressionError {
             "a number has no unit; `sim names` lists the units of names"
         }
         _ if word.starts_with(|letter: char| letter.is_ascii_digit()) => {
-            "this is no number, or one that is too large"
+            "this is not a number, or one that is too large"
         }
         _ => OPERATORS,
     };

@@ -40,7 +40,7 @@ pub struct FileError {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileErrorKind {
-    /// It is no TOML; the parser says why.
+    /// It is not TOML; the parser says why.
     Syntax(String),
     /// A value has not the form that belongs there.
     Form(Wrong),

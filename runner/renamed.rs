@@ -37,7 +37,7 @@ const fn renamed(kind: Kind, old: &'static str, new: &'static str) -> Renamed {
     Renamed { kind, old, new }
 }
 
-/// All of them.
+/// All old names.
 #[rustfmt::skip]
 pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Key(""), "takes", "nominal_duration"),

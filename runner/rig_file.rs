@@ -68,7 +68,7 @@ pub struct RigPlan {
     pub world: Option<PathBuf>,
     /// Seed of everything random.
     pub seed: Option<u64>,
-    /// Settings that are no device's own.
+    /// Settings that belong to no device.
     pub settings: SimSettings,
     /// The devices in the order of the file.
     pub devices: Vec<DevicePlan>,
@@ -105,7 +105,7 @@ impl RigPlan {
         let file = forgiving::read_table(&mut tables, &mut LeftOut::default(), &mut problems);
         let plan = file.and_then(|file| Self::check(&mut problems, &tables, base, file));
         problems.into_result()?;
-        plan.ok_or_else(|| FileError::general(format!("{} is no rig file", source.file)).into())
+        plan.ok_or_else(|| FileError::general(format!("{} is not a rig file", source.file)).into())
     }
 
     /// Reads a file that has these tables, and perhaps others. There is no plan if the kind of a device

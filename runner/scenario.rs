@@ -94,7 +94,7 @@ pub struct Scenario {
     /// Time that it takes, in simulated time.
     pub limit: Duration,
     pub(crate) base: SimSettings,
-    /// The parameters that are no texts.
+    /// The parameters that are not texts.
     pub(crate) parameters: BTreeMap<String, Reading>,
     /// Devices that have the script for a client also where there is a real one.
     pub(crate) scripted: Vec<bool>,

@@ -1,7 +1,7 @@
 //! Traces: a run as lines of JSON, and the run again from them.
 //!
 //! Each line is an object whose `kind` says what it is. Times `t` are nanoseconds since the start
-//! in simulated time; bytes are hexadecimal. A line is written when what it tells of is over, so
+//! in simulated time; bytes are hexadecimal. A line is written when what it describes is over, so
 //! lines of bytes may stand a little behind others of the same time.
 //!
 //! | kind | what |

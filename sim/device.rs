@@ -133,8 +133,7 @@ impl DeviceSpec {
     }
 }
 
-/// Every kind that a client report can have: what these devices and the line tell of that the
-/// protocol forbids, or that is risky.
+/// Every kind of a client report with these devices: what the protocol forbids, or what is risky.
 pub fn client_report_codes(devices: Devices) -> impl Iterator<Item = &'static str> {
     let of_devices = devices.iter().map(|device| device.codes);
     let all = std::iter::once(code::CODES).chain(of_devices).flatten();

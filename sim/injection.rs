@@ -89,7 +89,7 @@ impl Injection {
         }
     }
 
-    /// Ends an effect; gives its name and its kind.
+    /// Ends an effect; returns its name and its kind.
     pub(crate) fn disarm(
         &mut self,
         now: SimTime,

@@ -5,7 +5,7 @@
 //! Any bytes are legal input.
 //!
 //! Its driver
-//! 1. never lets the time go back,
+//! 1. never moves time back,
 //! 2. calls [`MecanumDevice::advance`] at (or after) each [`MecanumDevice::next_deadline`]; what is
 //!    due between is done in order, each at its own time,
 //! 3. after any call takes all of [`MecanumDevice::poll_output`] and

@@ -4,7 +4,7 @@
 //! frames, pin states and events come out. It sees pins, never physics. Any bytes are legal input.
 //!
 //! Its driver
-//! 1. never lets the time go back,
+//! 1. never moves time back,
 //! 2. calls [`R150Device::advance`] at (or after) each [`R150Device::next_deadline`]; what is due
 //!    between is done in order, each at its own time,
 //! 3. after any call takes all of [`R150Device::poll_output`] and [`R150Device::poll_event`],

@@ -9,7 +9,7 @@ use crate::event::{Event, Role};
 /// Events of one kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tally {
-    /// Number of them.
+    /// Number of events.
     pub count: u64,
     /// Time of the first.
     pub first_at: SimTime,
@@ -21,7 +21,7 @@ pub struct Tally {
     pub lost_bytes: u64,
     /// Number of them that were the client's doing: forbidden by the protocol, or risky.
     pub client_errors: u64,
-    /// Set if they tell of [damage](Role::Damage).
+    /// Set if they are of [damage](Role::Damage).
     pub is_damage: bool,
 }
 

@@ -217,7 +217,7 @@ impl Rig {
         Some(outcome)
     }
 
-    /// The same with a device of this type; `None` if the device is no such one.
+    /// The same with a device of this type; `None` if it has another type.
     pub fn with_device<D: Device, T>(
         &mut self,
         device: usize,

@@ -108,7 +108,7 @@ impl Receiver {
                 return None;
             }
             if self.level(middle(0)) {
-                // A glitch shorter than half a bit is no start bit.
+                // A glitch shorter than half a bit is not a start bit.
                 self.was_high = true;
                 self.time = next_bit;
                 continue;

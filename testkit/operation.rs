@@ -1,7 +1,7 @@
 //! One thing that a client, an operator, the hardware or the world does to a running rig.
 //!
 //! Numbers are taken modulo what there is, so that any value is an operation and a shorter sequence
-//! stays a sequence: that is what lets proptest shrink and libFuzzer splice.
+//! stays a sequence, so that proptest can shrink it and libFuzzer can splice it.
 
 use std::time::Duration;
 
@@ -158,7 +158,7 @@ impl Message {
         settings: &dyn DeviceSettings,
     ) -> Vec<u8> {
         let framing = &device.links[link].framing;
-        // Values that do not go together are no command.
+        // Values that do not go together are not a command.
         let whole = |command: &Choice| match command.command(device, link, settings) {
             Ok(message) => message.bytes,
             Err(_) => Vec::new(),

@@ -151,7 +151,7 @@ pub enum Damage {
     /// So many lines, two at most, give way to another one, which may be one that no recording has, or
     /// to none.
     Lines {
-        /// The first of them.
+        /// The first line.
         at: u16,
         /// How many.
         gone: u8,

@@ -468,7 +468,7 @@ fn what_was_played_twice_counts_once_and_shows_what_differs() {
     write_lines(&again, &foreign);
     let (exit, printed, _) = campaign.merge("out", &[]);
     assert!(
-        exit == 3 && printed.contains("is no case of shard 2"),
+        exit == 3 && printed.contains("is not a case of shard 2"),
         "{printed}"
     );
     let mut beyond = all;
@@ -476,7 +476,7 @@ fn what_was_played_twice_counts_once_and_shows_what_differs() {
     write_lines(&again, &beyond);
     let (exit, printed, _) = campaign.merge("out", &[]);
     assert!(
-        exit == 3 && printed.contains("is no case of shard 1"),
+        exit == 3 && printed.contains("is not a case of shard 1"),
         "{printed}"
     );
 }
@@ -526,7 +526,7 @@ fn outputs_of_a_merge_are_refused_before_any_is_written_and_are_of_no_other() {
         assert!(text(&output).contains(why), "{}", text(&output));
         assert!(!campaign.path("same.xml").exists());
     }
-    // What is no output is found before the first is written.
+    // What is not an output is found before the first is written.
     fs::write(campaign.path("precious"), "precious").unwrap();
     let output = campaign.sim(&["merge", "out", "--junit", "new.xml", "--json", "precious"]);
     assert_eq!(code(&output), 2, "{}", text(&output));

@@ -93,7 +93,7 @@ fn run_exported(folder: &Folder, formats: &str) {
 
 #[test]
 fn packets_and_bits_are_in_the_order_of_time() {
-    // A recording tells of a burst of bytes when the next begins.
+    // A recording contains a burst of bytes when the next begins.
     let file = include_str!("../scenarios/mecanum/jobs/rectangle.toml");
     let folder = Folder::with(&[("drive.toml", file)]);
     run_exported(&folder, "pcapng,vcd");
@@ -549,7 +549,11 @@ fn what_agents_send_wrongly_is_answered() {
         .iter()
         .filter_map(|answer| answer["error"]["code"].as_i64())
         .collect();
-    assert_eq!(errors, [-32601, -32602], "what is no request has no answer");
+    assert_eq!(
+        errors,
+        [-32601, -32602],
+        "what is not a request has no answer"
+    );
     assert_eq!(answers[0]["result"]["protocolVersion"], "2025-06-18");
     let text = |id: usize| {
         let result = &answers[id]["result"];
@@ -562,7 +566,7 @@ fn what_agents_send_wrongly_is_answered() {
     assert!(text(5).starts_with("the argument `files` is missing: Files or folders.\n"));
     assert!(text(6).starts_with("`files` has to be a list of texts: "));
     assert!(text(11).starts_with("`what` has to be one of: devices, faults, names, config\n"));
-    // A file is no flag, and each answer says what to do next.
+    // A file is not a flag, and each answer says what to do next.
     assert!(
         text(7).contains("--help") && !text(7).contains("Usage"),
         "{}",

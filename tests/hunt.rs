@@ -227,7 +227,7 @@ fn a_hunt_that_was_aborted_goes_on_unless_the_client_has_changed() {
     ];
     let play = |output| {
         let all = [&["hunt", "job.toml", "--output", output], &kinds[..]].concat();
-        // A device among its words is no file of the client.
+        // A device among its words is not a file of the client.
         let client = ["--", "python3", "client.py", "/dev/zero"];
         let script = "echo $$ > pid; exec \"$@\"";
         let sim = command().get_program().to_owned();

@@ -238,7 +238,7 @@ fn start_piped(command: &mut Command) -> (Process, BufReader<std::process::Child
     (process, out)
 }
 
-/// Ends it well, and gives what it has to complain about.
+/// Ends it well, and returns its complaints.
 fn complaints_at_the_end(mut process: Process, port: &Path) -> String {
     process.signal(Signal::TERM);
     let code = process.wait().code();

@@ -20,7 +20,7 @@ use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 
 const JSON: [&str; 2] = ["--log-format", "json"];
 
-/// Serves with these arguments alone; gives the first port's URL, too.
+/// Serves with these arguments alone; returns the first port's URL, too.
 fn serve(args: &[&str]) -> (Sim, String) {
     let mut command = command();
     command.args(["--seed", "1"]).args(JSON).args(args);

@@ -91,7 +91,7 @@ def sees(blank, page, selector):
         "return [style.fill, style.stroke].filter(own => own !== 'none').map(own => [own, style.fillOpacity]); }"
     )
     box = element.bounding_box()
-    # A line is as thin as its stroke, which is no part of its box.
+    # A line is as thin as its stroke, which is not part of its box.
     grown = {"x": box["x"] - 2, "y": box["y"] - 2, "width": box["width"] + 4, "height": box["height"] + 4}
     seen = colours(blank, page.screenshot(clip=grown))
     near = lambda one, other: all(abs(a - b) <= 40 for a, b in zip(one, other))

@@ -505,7 +505,7 @@ for frame in next(one for one in json.load(open("plan.json")) if one["name"] == 
     except BlockingIOError:
         pass
 "#;
-/// Settings that the manoeuvres below tell of.
+/// Settings that the manoeuvres below identify.
 const TOLD: &str = "r150.reply,r150.version,r150.on_,r150.over_rate,r150.motor_reply";
 
 /// Drives an R150 with these settings by a manoeuvre of its plan; returns the trace.
@@ -604,7 +604,7 @@ fn what_differs_is_found_and_explains_the_vehicle() {
     // Each part of --only has to be one.
     let refused = folder.sim(&["compare", trace, "--only", "r150.reply, r150.nosuch"]);
     refused.expect_refusal(2, &["--only", "`r150.nosuch`"]);
-    // Its file is no recording, and the page replaces nothing else.
+    // Its file is not a recording, and the page replaces nothing else.
     let refused = folder.sim(&["compare", "drive.toml"]);
     refused.expect_refusal(2, &["drive.toml", "no trace"]);
     let refused = folder.sim(&[&compare[..4], &["--report", "drive.toml"]].concat());
@@ -728,15 +728,15 @@ fn what_is_wrong_with_poses_is_named() {
         ),
         (
             format!("{head}0,0,0,0\n1,0,left,0\n"),
-            "line 3, column y_m: `left` is no number",
+            "line 3, column y_m: `left` is not a number",
         ),
         (
             format!("{head}0,NaN,0,0\n"),
-            "line 2, column x_m: `NaN` is no number",
+            "line 2, column x_m: `NaN` is not a number",
         ),
         (
             format!("{head}0,0,0,0\n1,0,0\n"),
-            "line 3, column heading_deg: `` is no number",
+            "line 3, column heading_deg: `` is not a number",
         ),
         (
             format!("{head}1,0,0,0\n1,0,0,0\n"),

@@ -74,7 +74,7 @@ struct Polled {
     turns: usize,
 }
 
-/// Outcome of it.
+/// What [`Poller::run`] measured.
 pub struct Polls {
     /// Seconds from when a request was due to be sent to its whole reply.
     pub latencies: Vec<f64>,

@@ -76,7 +76,7 @@ pub(crate) struct HuntArgs {
     /// Number of runs at a time; the result does not depend on it [default: one for each core].
     #[arg(short = 'j', long = "jobs", value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) threads: Option<u32>,
-    /// A client that you trust, as a command of the shell: a rule that it breaks, too, is no bug of yours.
+    /// A client that you trust, as a command of the shell: a rule that it breaks, too, is not a bug of yours.
     /// It is played first, and has to pass the job without faults.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) reference: Option<String>,

@@ -31,7 +31,7 @@ pub(crate) fn shard(text: &str) -> Result<Shard, String> {
 }
 
 impl Shard {
-    /// All of it.
+    /// The whole campaign.
     pub(crate) const WHOLE: Self = Self {
         index: 1,
         of: 1,
@@ -89,7 +89,7 @@ const LAST: &str = "SGE_TASK_LAST";
 /// # Errors
 /// When there is none, or two differ, or one is incomplete.
 fn find(variable: impl Fn(&str) -> Option<String>) -> Result<Shard, String> {
-    // What Grid Engine says to a job that is no array.
+    // What Grid Engine says to a job that is not an array.
     let variable =
         |name: &str| variable(name).filter(|value| !matches!(value.as_str(), "" | "undefined"));
     let engines = ENGINES.into_iter();

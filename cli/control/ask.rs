@@ -35,7 +35,7 @@ pub(super) enum TimeChange {
     Speed(f64),
 }
 
-/// Adds a step in the form of a scenario file's; gives its index.
+/// Adds a step, in the form of a scenario file; returns its index.
 pub(super) fn add(run: &mut Run, step: &Value) -> Result<usize, Trouble> {
     let refused = |why: String| Trouble::Refused(Refusal::new(422, why));
     if !step.is_object() {

@@ -246,7 +246,7 @@ pub(crate) fn run(args: &CtlArgs) -> Result<Exit, Failure> {
         }
         Does::Step { step, wait } => {
             let step = json::read(step.as_bytes())
-                .map_err(|error| Failure::usage(anyhow!("the step is no JSON: {error}")))?;
+                .map_err(|error| Failure::usage(anyhow!("the step is not JSON: {error}")))?;
             over(args, &client, step, *wait)
         }
         Does::Clear { name } => {
@@ -360,7 +360,7 @@ fn word_or_json(text: &str) -> Result<Value, Failure> {
     match json::read(text.as_bytes()) {
         Ok(value) => Ok(value),
         Err(error) if text.starts_with(['{', '[', '"']) => {
-            let why = anyhow!("{} is no JSON: {error}", visible::line(text));
+            let why = anyhow!("{} is not JSON: {error}", visible::line(text));
             Err(Failure::usage(why))
         }
         Err(_) => Ok(json!(text)),

@@ -20,7 +20,6 @@ const MOST_EVENTS: usize = 1000;
 
 /// Samples a run up to a time.
 pub(crate) struct Past {
-    /// The last of them.
     events: VecDeque<Event>,
     next: SimTime,
     probes: Vec<Probe>,

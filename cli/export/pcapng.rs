@@ -177,7 +177,7 @@ impl Writer for Pcapng {
             Item::Frame(frame) => {
                 let noise = frame
                     .is_noise
-                    .then(|| "noise: bytes that are no frame".to_owned());
+                    .then(|| "noise: bytes that are not a frame".to_owned());
                 self.waiting.push_back((frame, noise.into_iter().collect()));
             }
             Item::Record(Record::Failure { step, what, .. }) => {

@@ -395,7 +395,7 @@ impl CaseResult {
         }
     }
 
-    /// It has ended. `why` says why this is no verdict about the client, if it is none; nor is a
+    /// It has ended. `why` says why this is not a verdict about the client, if it is none; nor is a
     /// failure after the machine has stalled for longer than `most`.
     pub(crate) fn of(played: Played, why: Option<String>, most: Duration) -> Self {
         let outcome = &played.outcome;

@@ -44,7 +44,7 @@ impl<'a> Junit<'a> {
     /// A file in which nothing is known of the cases.
     ///
     /// # Errors
-    /// When it cannot be written, or something else is there that is no file of results.
+    /// When it cannot be written, or something else is there that is not a file of results.
     pub(crate) fn begin(
         path: &Path,
         cases: &'a [Case<'a>],

@@ -70,7 +70,7 @@ fn difference(what: &str, first: &[u8], second: &[u8]) -> Option<String> {
     let mut number = 1;
     loop {
         match (first.next(), second.next()) {
-            // Only what ends a line differs, or what is no text.
+            // Only what ends a line differs, or what is not text.
             (None, None) => return Some(format!("the second run differs: bytes of the {what}")),
             (one, other) if one == other => number += 1,
             (one, other) => {

@@ -75,7 +75,7 @@ export class Timeline {
     setInterval(() => this.draw(), 100);
   }
 
-  // Looks at this time, or at now.
+  // Shows this time, or the present.
   show(t) {
     if (t !== null) t = Math.min(Math.max(t, this.history.first), this.history.last);
     this.past = t;

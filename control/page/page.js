@@ -370,7 +370,7 @@ const waiting = [];
 function addLine(data) {
   waiting.push(data);
   if (waiting.length > MOST_LINES) waiting.splice(0, waiting.length - MOST_LINES);
-  // What the machine did is no mark of the client.
+  // What the machine did is not a mark of the client.
   if (data.role === "warning" && !data.code.includes("stall")) { timeline.takeWarning(data.time_s); refreshSoon(1000); }
 }
 

@@ -40,7 +40,7 @@ fn what_makes_no_sense_is_named() {
     assert!(message(r150.operator("jump").err().unwrap()).contains("lock"));
     assert!(message(sim.device("car").err().unwrap()).contains("r150"));
     let car = message(r150.look(|car: &Mecanum| car.truth()).unwrap_err());
-    assert!(car.starts_with("r150 is no "), "{car}");
+    assert!(car.starts_with("r150 is not a "), "{car}");
     let setting = Simulation::builder().device("r150").set("r150.bawd", 9600);
     let setting = message(setting.build().err().unwrap());
     assert!(setting.contains("r150.baud"), "{setting}");

@@ -226,8 +226,8 @@ impl MecanumPlant {
     }
 }
 
-/// Computes the forces of one step and gives the body the velocity they lead to. The motors answer to
-/// the speeds at the end of each part of it: their control is quicker.
+/// Computes the forces of one step and sets the body's velocity. The motors answer to the speeds at the
+/// end of each part of it: their control is quicker.
 pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
     let orders = Wheel::ALL.map(|wheel| plant.order(wheel));

@@ -38,14 +38,14 @@ impl MecanumPlant {
         for (pulses, offset) in pulses.iter_mut().zip(self.pulse_offset) {
             *pulses = pulses.wrapping_add(offset);
         }
-        let observed = self.sensors.observed;
+        let readings = self.sensors.readings;
         MecanumMeasurements {
             board_powered: self.is_supplied(),
             pulses,
-            echoes: observed.echoes,
-            obstacle_ahead: observed.obstacle_ahead,
-            tag: observed.tag,
-            magnetic_bar: observed.magnetic_bar,
+            echoes: readings.echoes,
+            obstacle_ahead: readings.obstacle_ahead,
+            tag: readings.tag,
+            magnetic_bar: readings.magnetic_bar,
         }
     }
 

@@ -23,16 +23,16 @@ const BEAM_RANGE: f64 = 0.3;
 /// just above the ground.
 const READER_RADIUS: f64 = 0.04;
 
-/// Time between two looks of the infrared sensor: quick beside the status packet.
+/// Time between two readings of the infrared sensor: short compared with the status packet.
 const BEAM_PERIOD: Duration = Duration::from_millis(20);
 /// Time between two readings of RFID: common readers, 20 tags a second.
 const READER_PERIOD: Duration = Duration::from_millis(50);
 /// Time between two readings of the magnetic bar: common bars, 100 a second.
 const BAR_PERIOD: Duration = Duration::from_millis(10);
 
-/// Readings of the sensors when they last looked.
+/// The last readings of the sensors.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Observed {
+pub(super) struct Readings {
     /// m
     pub(super) echoes: [Option<f64>; ECHOES],
     pub(super) obstacle_ahead: bool,
@@ -52,7 +52,7 @@ pub(super) struct Sensors {
     noise: f64,
     crosstalk: f64,
     pub(super) chance: Noise,
-    pub(super) observed: Observed,
+    pub(super) readings: Readings,
 }
 
 /// A cone in the axes of the body.
@@ -91,7 +91,7 @@ impl Sensors {
                 range,
             }
         };
-        // A right angle is no angle that a surface could not be seen at.
+        // At 90° a surface is visible from every angle.
         let grazing = if ultrasonic.incidence < 90.0 {
             libm::cos(ultrasonic.incidence.to_radians())
         } else {
@@ -123,11 +123,11 @@ impl Sensors {
             noise: ultrasonic.noise,
             crosstalk: ultrasonic.crosstalk / 100.0,
             chance: Noise::new(0, "ultrasonic"),
-            observed: Observed::default(),
+            readings: Readings::default(),
         }
     }
 
-    /// Looks with those sensors that are due, if anything has changed since they last did.
+    /// Reads the sensors that are due, if anything has changed since their last reading.
     pub(super) fn measure_due(
         &mut self,
         step: Duration,
@@ -152,7 +152,7 @@ impl Sensors {
         }
     }
 
-    /// Looks with all at once.
+    /// Reads all sensors at once.
     pub(super) fn look(&mut self, world: &World, body: BodyId, motion: &BodyMotion) {
         for pace in &mut self.paces {
             pace.since = Duration::ZERO;
@@ -168,7 +168,7 @@ impl Sensors {
         let echoes = self
             .cones
             .map(|mount| world.nearest_echo(&mount.cone(motion), Some(body)));
-        for (index, heard) in self.observed.echoes.iter_mut().enumerate() {
+        for (index, heard) in self.readings.echoes.iter_mut().enumerate() {
             let mut echo = echoes[index];
             // The neighbour of each of the pairs on either side.
             if self.crosstalk > 0.0 && self.chance.uniform() < self.crosstalk {
@@ -187,17 +187,17 @@ impl Sensors {
 
     fn look_ahead(&mut self, world: &World, body: BodyId, motion: &BodyMotion) {
         let cone = self.beam.cone(motion);
-        self.observed.obstacle_ahead = world.nearest_echo(&cone, Some(body)).is_some();
+        self.readings.obstacle_ahead = world.nearest_echo(&cone, Some(body)).is_some();
     }
 
     fn read_tag(&mut self, world: &World, motion: &BodyMotion) {
         let tag = world.tag_near([motion.x, motion.y], READER_RADIUS);
-        self.observed.tag = tag.map_or(0, |tag| tag.number);
+        self.readings.tag = tag.map_or(0, |tag| tag.number);
     }
 
     fn read_bar(&mut self, world: &World, motion: &BodyMotion) {
         let points = self.channels.map(|place| in_world(motion, place));
-        self.observed.magnetic_bar = world.strips_under(&points, STRIP_HALF_WIDTH);
+        self.readings.magnetic_bar = world.strips_under(&points, STRIP_HALF_WIDTH);
     }
 }
 

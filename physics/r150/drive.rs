@@ -171,7 +171,7 @@ impl R150Plant {
     }
 }
 
-/// Computes the forces of one step and gives the body the velocity they lead to.
+/// Computes the forces of one step and sets the body's velocity.
 pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
     plant.ramp_duties(dt);

@@ -15,7 +15,7 @@ const OUTPUT_PULL_UP: f64 = 5.0;
 
 /// Reads an input with this source; 0 Hz and 0 where it cannot measure the signal.
 ///
-/// The outputs are open-drain, so the line is high while an output lets go of it. A level that
+/// The outputs are open-drain, so the line is high while an output releases it. A level that
 /// never changes has no period, and a signal outside the input's limits is not seen at all.
 pub(super) fn read(source: PwmSource, own_duty: &[f64; 4]) -> PwmReading {
     let (frequency, duty, high_voltage) = match source {

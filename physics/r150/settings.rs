@@ -90,7 +90,7 @@ rigsim_settings::settings! {
         /// State of a motor at PWM 0.
         at_zero_pwm: AtZeroPwm = AtZeroPwm::Brake,
             assumed "a bridge at duty 0 that keeps both its lower switches closed";
-        /// Most current that a driver lets through a motor; it then gives less voltage.
+        /// Most current that a driver allows through a motor; above it, the driver lowers the voltage.
         current_limit: Option<f64> = Some(45.0), unit "A", range 1.0..=1000.0,
             assumed "three quarters of a 60 A driver, as Roboteq sets its own (ALIM in its manual); \
                      twice what the rated 7 N*m need, and under the 50 A fuse";

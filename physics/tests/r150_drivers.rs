@@ -322,7 +322,7 @@ fn the_height_of_its_centre_of_mass_says_on_which_slope_it_tips() {
 }
 
 #[test]
-fn a_weak_parking_brake_lets_it_roll_down_a_slope() {
+fn with_a_weak_parking_brake_it_rolls_down_a_slope() {
     for (torque, stands) in [(200.0, true), (20.0, false)] {
         let mut bench = with(|s| {
             s.motor.brake_torque = torque;

@@ -68,7 +68,7 @@ fn with_numbers(literal: &str, change: fn(f64) -> f64) -> String {
     text + rest
 }
 
-/// Names of the settings that no story tells of.
+/// Names of the settings that change no story.
 fn unnoticed<S: Settings + Default>(stories: &[fn(&S) -> Vec<String>]) -> Vec<String> {
     let usual: Vec<_> = stories.iter().map(|story| story(&S::default())).collect();
     let matters = |entry: &Entry| {

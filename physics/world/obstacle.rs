@@ -1,4 +1,4 @@
-//! Things that stand on the plane and are no vehicles: walls, boxes, posts.
+//! Things that stand on the plane and are not vehicles: walls, boxes, posts.
 
 use super::area::{Band, Disc, Rectangle, Shape, from};
 use crate::pose::Pose;
@@ -201,7 +201,7 @@ impl Obstacles {
         self.0.iter()
     }
 
-    /// Number of them.
+    /// The number of obstacles.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()

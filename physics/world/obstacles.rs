@@ -27,8 +27,8 @@ impl World {
         Ok(())
     }
 
-    /// Moves the obstacle with this name at once, without passing the places between; gives the
-    /// [pose](Obstacle::pose) that it had. Without a heading it keeps its own.
+    /// Moves the obstacle with this name at once, without passing the places between; returns its
+    /// earlier [pose](Obstacle::pose). Without a heading it keeps its own.
     ///
     /// # Errors
     /// When none has this name.
@@ -49,7 +49,7 @@ impl World {
         Ok(old)
     }
 
-    /// Takes the obstacle with this name away, and gives it.
+    /// Removes the obstacle with this name, and returns it.
     ///
     /// # Errors
     /// When none has this name.

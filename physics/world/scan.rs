@@ -193,7 +193,7 @@ impl<'c> Nearest<'c> {
         for rim in self.rims() {
             let slant = cross(rim, along);
             let share = -cross(rim, start) / slant;
-            // Along the rim itself there is no crossing but at the ends.
+            // Along the rim itself, the only crossings are at the ends.
             let faces = slant.abs() >= self.cone.grazing * square(along).sqrt();
             if slant != 0.0 && faces && (0.0..=1.0).contains(&share) {
                 let distance = dot(rim, start) + share * dot(rim, along);

@@ -319,7 +319,7 @@ fn two_clients_that_close_together_come_and_go_once() {
     assert_eq!(bench.port.counters().attached, 200);
 }
 
-/// The system tells of a closing before it hangs the port up, so that a look may come in between: for
+/// The system reports a close before it hangs the port up, so that a poll may come in between: for
 /// as long as it takes out of epoll sets what is closed.
 #[test]
 fn a_client_that_is_seen_as_it_closes_comes_and_goes_once() {

@@ -201,7 +201,7 @@ fn about_twenty_thousand_bytes_are_kept_each_way() {
     let kept = |from: &dyn std::os::fd::AsFd, chunk: usize| {
         let bytes = vec![0x55; chunk];
         let mut kept = 0;
-        // A pause lets the kernel move bytes on, which it does by itself.
+        // Meanwhile the kernel moves bytes on by itself.
         for _ in 0..3 {
             while let Ok(count) = rustix::io::write(from.as_fd(), &bytes) {
                 kept += count;

@@ -66,7 +66,7 @@ def github(one: Annotation) -> str:
 
 def gitlab(one: Annotation) -> object:
     """An entry of a code quality report."""
-    # The time at which a rule broke is no part of what the failure is.
+    # The time at which a rule broke is not part of what the failure is.
     same = f"{one.file} {one.title} {re.sub(r'[0-9.]+', '', one.message)}"
     return {
         "description": f"{one.title}: {one.message}",

@@ -50,7 +50,7 @@ class Control:
         parts = urlsplit(url)
         token = dict(item.partition("=")[::2] for item in parts.fragment.split("&")).get("token")
         if parts.scheme != "http" or not parts.hostname or not parts.port or not token:
-            raise ValueError(f"{url!r} is no URL of a simulator, as http://127.0.0.1:4000/#token=...")
+            raise ValueError(f"{url!r} is not the URL of a simulator, as http://127.0.0.1:4000/#token=...")
         self.url = url
         self._host, self._port = parts.hostname, parts.port
         self._headers = {"Authorization": f"Bearer {token}"}

@@ -242,8 +242,7 @@ def _want_kind(simulator: Simulator, kind: str, taken: int = 0) -> None:
 
 
 def _keep_files(request: pytest.FixtureRequest, folder: Path, before: str = "") -> Path:
-    """Copies the files of a folder to where they are to be kept of this test, if they are; gives where they
-    are then."""
+    """Copies the files of a folder to where this test keeps them, if it keeps any; returns their folder."""
     keep = request.config.getoption("--sim-keep")
     if keep is None or not folder.is_dir():
         return folder

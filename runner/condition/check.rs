@@ -44,7 +44,7 @@ pub(crate) struct Scope<'a> {
     pub usual: Option<usize>,
     /// Values that steps remember.
     pub saved: &'a [Saved],
-    /// The parameters that are no texts.
+    /// The parameters that are not texts.
     pub parameters: &'a BTreeMap<String, Reading>,
 }
 
@@ -80,8 +80,8 @@ fn type_of(
         Expr::Comprehension(_) => {
             Err("macros such as `all` and `exists` have no use here".to_owned())
         }
-        Expr::Select(select) => Err(format!("`.{}` is no name", select.field)),
-        Expr::Ident(_) | Expr::Unspecified => Err("it is no expression".to_owned()),
+        Expr::Select(select) => Err(format!("`.{}` is not a name", select.field)),
+        Expr::Ident(_) | Expr::Unspecified => Err("it is not an expression".to_owned()),
     }
 }
 

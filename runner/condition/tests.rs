@@ -89,7 +89,7 @@ fn what_makes_none_is_refused_in_words() {
         ("t = 1", "`==` compares"),
         ("truth.speed_mps < 1 m/s", "a number has no unit"),
         ("t in [1]", "no use here"),
-        ("has(truth.x_m)", "no name"),
+        ("has(truth.x_m)", "not a name"),
     ] {
         let why = parse(text).expect_err(text).to_string();
         assert!(why.contains(expected), "{text}: {why}");

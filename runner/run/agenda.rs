@@ -35,7 +35,7 @@ impl Agenda {
         self.items.insert((at, place, !is_end, self.planned), item);
     }
 
-    /// Takes back all that is planned of a step, and gives what it was still to end.
+    /// Removes all that is planned of a step; returns the effects that it was still to end.
     pub(super) fn take_all_of(&mut self, step: usize) -> Vec<Option<EffectHandle>> {
         let of_step =
             |place: usize| move |(_, other, ..): &(SimTime, usize, bool, u64)| *other == place;

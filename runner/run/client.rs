@@ -108,7 +108,7 @@ impl Run {
     }
 
     /// The client has set its end of the line, at the present time; after the end of the run that
-    /// is no part of it.
+    /// is not part of it.
     pub fn set_line(&mut self, port: PortId, line: ClientLine) {
         if self.outcome.is_some() || self.ports.lines.insert(port, line) == Some(line) {
             return;

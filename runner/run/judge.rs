@@ -25,7 +25,7 @@ impl Run {
                 .is_watched(&self.plan, self.situation.rig.now())
     }
 
-    /// Looks at every condition that matters now.
+    /// Evaluates every condition that matters now.
     pub(super) fn judge(&mut self, now: SimTime) {
         self.judge_steps(now);
         self.judge_ends(now);

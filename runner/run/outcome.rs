@@ -83,7 +83,7 @@ pub struct Failure {
     pub step: Option<String>,
     /// Description, and the values that it was found by.
     pub what: String,
-    /// Surroundings of it.
+    /// What surrounds it in the run.
     #[serde(flatten)]
     pub context: Context,
 }

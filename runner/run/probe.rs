@@ -19,7 +19,7 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// Its value now as a number: true is 1, and what is not known is no number.
+    /// Its value now as a number: true is 1, and what is not known is not a number.
     #[must_use]
     pub fn number(&self, run: &Run) -> f64 {
         match self.read(run) {

@@ -274,7 +274,7 @@ pub(crate) fn read_step(
     let remember = checker.remembered(&text);
     let step = checker.step(scenario.steps.len(), &Spanned::new(whole, text));
     checker.problems.into_result()?;
-    let mut step = step.ok_or_else(|| FileError::general("it is no step".to_owned()))?;
+    let mut step = step.ok_or_else(|| FileError::general("it is not a step".to_owned()))?;
     let step_name = step.name.clone();
     let taken = |name: &str| scenario.steps.iter().any(|step| step.name == name);
     let mut number = 1;

@@ -100,7 +100,7 @@ fn by_name<'t>(base: Spanned<DeValue<'t>>, over: Spanned<DeValue<'t>>) -> Spanne
     let span = over.span();
     let (base, over) = match (base.into_inner(), over.into_inner()) {
         (DeValue::Array(base), DeValue::Array(over)) => (base, over),
-        // What is no list is reported when it is read.
+        // What is not a list is reported when it is read.
         (_, over) => return Spanned::new(span, over),
     };
     let mut all: Vec<Spanned<DeValue<'t>>> = base.into_iter().collect();

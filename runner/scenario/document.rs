@@ -131,7 +131,7 @@ pub(crate) struct StepText {
     /// Probability of each repetition, 0 to 1; default 1.
     #[schemars(with = "Option<f64>", extend("minimum" = 0, "maximum" = 1))]
     pub probability: Option<Spanned<f64>>,
-    /// It is no failure if this step never begins, or its fault hits nothing.
+    /// It is not a failure if this step never begins, or its fault hits nothing.
     #[serde(default)]
     pub optional: bool,
     /// In which runs it counts; default all.

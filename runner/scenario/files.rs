@@ -95,7 +95,7 @@ impl ScenarioFiles {
         self.parameters.contains(name)
     }
 
-    /// The kind of file that the first looks like, if it is no scenario.
+    /// The kind of file that the first looks like, if it is not a scenario.
     #[must_use]
     pub fn other_kind(&self) -> Option<&'static str> {
         let has = |key: &&str| self.keys.contains(*key);
@@ -114,7 +114,7 @@ impl ScenarioFiles {
     /// the files' settings change those of `base`.
     ///
     /// # Errors
-    /// As [`Scenario::parse`]; and if there is a job for what is no fault file.
+    /// As [`Scenario::parse`]; and if there is a job for what is not a fault file.
     pub fn compose(
         &self,
         parameters: &[(String, String)],
@@ -138,7 +138,7 @@ impl ScenarioFiles {
     }
 }
 
-/// Parts of a file that are read before those that it is based on. Of what is no TOML nothing is
+/// Parts of a file that are read before those that it is based on. Of what is not TOML nothing is
 /// known; that is reported when it is read.
 #[derive(Debug, Default)]
 struct Glance {

@@ -131,7 +131,7 @@ fn play(run: Run, client: fn(&Client) -> Option<()>) -> Outcome {
     run.finished().unwrap().clone()
 }
 
-/// The same with books; gives the run at its end.
+/// The same with books; returns the run at its end.
 fn play_with(
     mut run: Run,
     client: fn(&Client) -> Option<()>,

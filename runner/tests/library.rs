@@ -50,7 +50,7 @@ fn titles_are_unique_and_sentences_are_whole() {
         );
         assert!(
             !scenario.title.ends_with('.'),
-            "{file}: a title is no sentence"
+            "{file}: a title is not a sentence"
         );
         let sentences = [Some(&scenario.good_client), scenario.description.as_ref()];
         for text in sentences.into_iter().flatten() {

@@ -72,7 +72,7 @@ impl Stream {
     port.device, port.link, shown(*recorded), shown(*found)
 )]
 pub struct Difference {
-    /// Port of it.
+    /// The port that sent the byte.
     pub port: PortId,
     /// Index of the byte among those that the device sent there, from 0.
     pub offset: u64,
@@ -129,7 +129,7 @@ impl<'o> Replay<'o> {
     /// Begins with the first line of a trace of these devices.
     ///
     /// # Errors
-    /// When it is no header, or the scenario in it cannot be read any more.
+    /// When it is not a header, or the scenario in it cannot be read any more.
     pub fn begin(devices: Devices, line: &str) -> Result<Self, ReplayError> {
         let malformed = |why| ReplayError::Malformed { line: 1, why };
         let record = read(line, 1).map_err(|error| match error {

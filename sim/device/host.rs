@@ -165,7 +165,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Bytes that are no message.
+    /// Bytes that are not a message.
     #[must_use]
     pub fn none(bytes: Vec<u8>) -> Self {
         Self {
@@ -198,7 +198,7 @@ impl Frame {
     fn name(&self) -> String {
         let command = self.command.map(|command| format!("0x{command:02X} "));
         let name = self.message.as_ref().map(|(info, _)| info.name);
-        let name = name.unwrap_or("bytes that are no message");
+        let name = name.unwrap_or("bytes that are not a message");
         format!("{}{name}", command.unwrap_or_default())
     }
 

@@ -50,7 +50,7 @@ pub struct View<'a> {
     pub world: &'a World,
     /// The device itself.
     pub device: &'a dyn Device,
-    /// Observations of it.
+    /// The counters of its events.
     pub counters: &'a Counters,
 }
 

@@ -47,7 +47,7 @@ rigsim_settings::words! {
         Left = "left",
         /// Of the right side.
         Right = "right",
-        /// All of them.
+        /// Every motor or wheel.
         All = "all",
         /// Left front of a car.
         LeftFront = "left-front",

@@ -180,7 +180,7 @@ fn send(rig: &mut Rig, bytes: &[u8]) {
     rig.client_sends(MAIN, now, bytes).unwrap();
 }
 
-/// Sends a request, and gives what came back within 40 ms.
+/// Sends a request, and returns what came back within 40 ms.
 fn ask(rig: &mut Rig, request: Request) -> Vec<u8> {
     send(rig, &request.encode());
     run(rig, MAIN, MS(40))
@@ -215,7 +215,7 @@ fn power(rig: &mut Rig, status: u32) -> Vec<Reply> {
     replies(rig, Request::PowerControl { on: status })
 }
 
-/// Drives for a while; gives the last answered speeds, right then left.
+/// Drives for a while; returns the last answered speeds, right then left.
 fn drive(rig: &mut Rig, right: i16, left: i16, times: u32) -> [i16; 2] {
     let mut speeds = None;
     for _ in 0..times {
@@ -253,7 +253,7 @@ fn motion(moving_idx: u8, s: u16, v: i16) -> Vec<u8> {
     .encode()
 }
 
-/// Moves a car for a while, feeding its link; gives its last status.
+/// Moves a car for a while, feeding its link; returns its last status.
 fn roll(rig: &mut Rig, moving_idx: u8, v: i16, span: Duration) -> Status {
     let end = rig.now() + span;
     let mut last = None;

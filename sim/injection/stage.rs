@@ -13,7 +13,7 @@ pub(super) struct Stage {
     held: VecDeque<(SimTime, u8)>,
 }
 
-/// A byte that is held until something lets it go.
+/// The time of a byte that is held until something releases it.
 const HELD: SimTime = SimTime::MAX;
 
 impl Stage {

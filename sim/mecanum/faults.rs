@@ -162,7 +162,7 @@ crate::faults! {
         counts "A tag was misread.",
         tries ["", "reads_as = 1"]
         {
-            /// Number that any tag is read as; default 0, which is no tag.
+            /// Number that any tag is read as; default 0, which is not a tag.
             #[serde(default)]
             reads_as: u32,
         }

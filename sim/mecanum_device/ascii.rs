@@ -122,7 +122,7 @@ impl fmt::Display for Report {
     }
 }
 
-/// Reason for which a line is no command.
+/// Reason for which a line is not a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LineError {
@@ -141,7 +141,7 @@ pub enum Line {
     Command(Command),
     /// None.
     Bad {
-        /// Error of it.
+        /// What is wrong with the line.
         error: LineError,
         /// The line without its `\n`.
         bytes: Vec<u8>,
@@ -207,7 +207,7 @@ fn read(bytes: Vec<u8>) -> Option<Line> {
     })
 }
 
-/// A whole number, held one beyond its range; `None` if this is none. A plus sign is no part of the
+/// A whole number, held one beyond its range; `None` if this is none. A plus sign is not part of the
 /// article's numbers.
 fn size(text: &[u8]) -> Option<i32> {
     let digits = text.strip_prefix(b"-").unwrap_or(text);

@@ -103,8 +103,7 @@ impl Encoder {
         self.backward
     }
 
-    /// Reads the wire; gives the pulses that have come since the last reading, backward ones
-    /// negative.
+    /// Reads the wire; returns the pulses since the last reading, backward ones negative.
     pub fn read(&mut self, now: SimTime, count: u32) -> i64 {
         let came = count.wrapping_sub(self.count);
         self.count = count;

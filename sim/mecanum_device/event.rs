@@ -45,7 +45,7 @@ crate::codes! {
     KEY_IGNORED = "key_ignored", Warning, NoParty;
 }
 
-/// The main link's stream held something that is no packet.
+/// The main link's stream held something that is not a packet.
 pub(super) fn bad_stream(found: Decoded) -> EventKind {
     let (code, text, bytes) = match found {
         Decoded::Partial(bytes) => (
@@ -60,7 +60,7 @@ pub(super) fn bad_stream(found: Decoded) -> EventKind {
     EventKind::new(code, text).showing(Link::Main.index(), bytes)
 }
 
-/// A line on the ROS link is no command, or not a good one; `line` is without its end.
+/// A line on the ROS link is not a command, or not a good one; `line` is without its end.
 pub(super) fn bad_line(error: LineError, line: Vec<u8>) -> EventKind {
     let (code, why) = match error {
         LineError::Malformed => (

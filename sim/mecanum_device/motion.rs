@@ -87,7 +87,7 @@ impl Motions {
         }
     }
 
-    /// Appends a motion; gives it back where there is no room.
+    /// Appends a motion; returns it if there is no room.
     pub fn append(&mut self, motion: Motion) -> Option<Motion> {
         let most = usize::try_from(self.settings.queue_length).unwrap_or(usize::MAX);
         if self.running.is_some() && self.waiting.len() >= most {

@@ -191,7 +191,7 @@ impl Bench {
         std::iter::from_fn(|| self.device.poll_event()).collect()
     }
 
-    /// Codes of the events since the last call that are no traffic.
+    /// Codes of the events since the last call that are not traffic.
     fn codes(&mut self) -> Vec<&'static str> {
         let events = self.events().into_iter();
         let codes = events.map(|(_, event)| event.code().as_str());

@@ -283,7 +283,7 @@ pub fn name(command: u8) -> Option<&'static str> {
     Request::info_of(command).map(|info| info.name)
 }
 
-/// Reason for which a frame with a right CRC is no request.
+/// Reason for which a frame with a right CRC is not a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Refusal {
@@ -383,7 +383,7 @@ impl Reply {
 }
 
 impl Reply {
-    /// Reads a whole frame, as a client does; `None` for what is no reply.
+    /// Reads a whole frame, as a client does; `None` for what is not a reply.
     #[must_use]
     pub fn of(frame: &[u8]) -> Option<Self> {
         let (command, parameters) = codec::parts(frame)?;

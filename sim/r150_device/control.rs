@@ -163,7 +163,7 @@ impl Control {
         taken
     }
 
-    /// A heartbeat came that is no request.
+    /// A heartbeat came that is not a request.
     pub(super) fn heartbeat(&mut self, now: SimTime, settings: &R150FirmwareSettings) {
         self.heartbeat_due = Some(now + settings.heartbeat_timeout);
     }

@@ -67,7 +67,7 @@ pub(crate) fn passed(
     EventKind::new(code, label(command)).saying(message, fields, frame)
 }
 
-/// The stream held something that is no valid frame.
+/// The stream held something that is not a valid frame.
 pub(super) fn bad_stream(found: Decoded) -> EventKind {
     match found {
         Decoded::Wrong(frame) => {

@@ -160,7 +160,7 @@ impl Motors {
         };
     }
 
-    /// Stops the motors if the watchdog is due at `now`; gives the set-point it cleared.
+    /// Stops the motors if the watchdog is due at `now`; returns the set-point that it cleared.
     pub fn expire(&mut self, now: SimTime) -> Option<[i16; 2]> {
         if self.watchdog_due.is_none_or(|due| due > now) {
             return None;

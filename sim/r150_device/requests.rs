@@ -147,7 +147,7 @@ impl R150Device {
         }
     }
 
-    /// Does what a request asks; gives the reply that is due at once.
+    /// Executes a request; returns the reply that is due at once.
     fn execute(&mut self, now: SimTime, request: Request) -> Option<Reply> {
         let command = request.command();
         let answered = |success| Reply::Bool { command, success };

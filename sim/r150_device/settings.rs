@@ -104,7 +104,7 @@ settings! {
             documented "manual 4.3.8: fastest reply rate 20 Hz";
         /// Treatment of a motor command that comes sooner.
         over_rate: OverRate = OverRate::Delay,
-            assumed "a limit on replies is no limit on commands";
+            assumed "a limit on replies is not a limit on commands";
         /// Hardware version that 0xF0 reports.
         hardware_version: Version = Version([1, 0, 0, 0]),
             assumed "placeholder for your module's own";

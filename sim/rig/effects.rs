@@ -37,8 +37,8 @@ pub(super) struct Effects {
 }
 
 impl Rig {
-    /// Begins an effect on a device now; `name` is its step's. It tells the effect apart in events
-    /// and gives its random numbers: the same ones in every run with the same seed, whatever else is
+    /// Begins an effect on a device now. `name` is that of its step: it identifies the effect in events,
+    /// and seeds its random numbers, which are the same in every run with the same seed, whatever else is
     /// at work. Returns what [`clear`](Self::clear) ends, if it can end.
     ///
     /// # Errors
@@ -195,7 +195,7 @@ impl Effects {
         }));
     }
 
-    /// Takes an effect away; gives what brings back what was covered by it alone.
+    /// Removes an effect; returns what restores the values that only it covered.
     fn take(&mut self, effect: EffectHandle) -> Vec<(Option<usize>, Restore)> {
         let mut due = Vec::new();
         while let Some(index) = self.position(effect) {

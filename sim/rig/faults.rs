@@ -72,7 +72,7 @@ impl Rig {
             .is_some_and(|faults| faults.cable_pulled(port.link))
     }
 
-    /// Looks what the faults of a device have done, and tells of it.
+    /// Checks what the faults of a device have hit, and reports it.
     pub(super) fn watch_faults(&mut self, device: usize) {
         let slot = &mut self.slots[device];
         let Some(faults) = &mut slot.faults else {

@@ -35,7 +35,7 @@ fn the_r150_s_page_names_every_setting_and_no_other() {
             Some(group) => keys.iter().any(|key| key.starts_with(group)),
             None => keys.contains(*word),
         };
-        assert!(known, "docs/r150.md names `{word}`, which is no setting");
+        assert!(known, "docs/r150.md names `{word}`, which is not a setting");
     }
 }
 

@@ -94,7 +94,7 @@ impl Client {
         };
     }
 
-    /// Looks at what it has read.
+    /// Checks the bytes that it has read.
     pub(super) fn gets(&mut self, bytes: &[u8], now: SimTime) {
         assert!(bytes.len() <= MOST_WAITING, "{} bytes at once", bytes.len());
         assert!(self.attached || bytes.is_empty(), "bytes for no client");

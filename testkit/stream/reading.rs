@@ -116,7 +116,7 @@ fn line(bytes: &[u8]) -> Option<Line<'_>> {
     let meant = meant.replace([' ', '\r'], "");
     let first = meant.chars().next()?;
     let number = &meant[first.len_utf8()..];
-    // A plus sign is no part of the article's numbers.
+    // A plus sign is not part of the article's numbers.
     let number = number
         .parse::<i32>()
         .ok()

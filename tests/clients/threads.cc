@@ -1,4 +1,4 @@
-// Drives with one thread, listens with another; a condition tells of the loss of the port.
+// Drives with one thread, listens with another; a condition reports the loss of the port.
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>

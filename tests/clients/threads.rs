@@ -1,4 +1,4 @@
-//! Drives with one thread, listens with another; a channel with a timeout tells of the loss.
+//! Drives with one thread, listens with another; a channel with a timeout reports the loss.
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::sync::mpsc::{RecvTimeoutError, channel};

@@ -37,7 +37,7 @@ optional = true
 """
 HOSTILE = "<img src=x onerror=\"document.title='run'\">"
 DESK = {"viewport": {"width": 1280, "height": 900}}
-# Of text; of what is no text, as edges of controls and lines of charts.
+# Of text; of what is not text, as edges of controls and lines of charts.
 LEAST_CONTRAST, LEAST_CONTRAST_OF_LINES = 4.5, 3
 # What text is harder to read than that, with its contrast. What is disabled does not count.
 FAINT = """(least) => {

@@ -115,7 +115,7 @@ impl RosClient {
     }
 
     /// The next report: speed in 1/100 revolution a second, mileage in 1/100 revolution. The first
-    /// line may have begun before this client was there; anything else that is no report is a
+    /// line may have begun before this client was there; anything else that is not a report is a
     /// failure.
     pub fn report(&mut self) -> (i64, i64) {
         if !self.0.synchronised {

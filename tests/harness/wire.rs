@@ -46,7 +46,7 @@ pub enum Parsed {
     Invalid,
 }
 
-/// Looks at the beginning of `bytes`.
+/// Parses the beginning of `bytes`.
 pub fn parse(bytes: &[u8]) -> Parsed {
     let header = [0xAA, 0x55];
     let begun = bytes.len().min(2);

@@ -31,7 +31,7 @@ pub(super) struct Merged {
     pub(super) cases: Vec<Option<Known>>,
     /// Kinds of results: a verdict, and what failed.
     pub(super) kinds: IndexMap<(Verdict, String), Group>,
-    /// Why this is no whole campaign.
+    /// Why this is not a whole campaign.
     pub(super) refused: Vec<String>,
     /// Files that end too early; they matter if results are missing.
     pub(super) torn: Vec<String>,
@@ -128,7 +128,7 @@ impl Merged {
         let number = line.case;
         if self.plan.key(number) != Some((shard, line.seed)) {
             let (name, seed) = (visible::line(&line.name), line.seed);
-            let why = format!("{path}: {name}, seed {seed}, is no case of shard {shard}");
+            let why = format!("{path}: {name}, seed {seed}, is not a case of shard {shard}");
             return self.refuse(why);
         }
         let digits = line.trace.as_deref().and_then(|trace| trace.get(..16));

@@ -33,7 +33,7 @@ struct Finding<'a> {
     what: &'a str,
     /// Number of cases.
     count: usize,
-    /// The first of them.
+    /// The first cases.
     cases: Vec<Example>,
 }
 

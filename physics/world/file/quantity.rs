@@ -55,7 +55,7 @@ impl TryFrom<String> for Name {
             Ok(Self(name))
         } else {
             Err(format!(
-                "\"{name}\" is no name; allowed: 1 to 64 letters, digits, - and _"
+                "\"{name}\" is not a name; allowed: 1 to 64 letters, digits, - and _"
             ))
         }
     }

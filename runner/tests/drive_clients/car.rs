@@ -142,7 +142,7 @@ fn is_likely(status: &Status) -> bool {
 }
 
 impl Car<'_> {
-    /// For ten milliseconds takes in what comes, opens what has hung up, and gives signs of life.
+    /// For ten milliseconds reads what comes, opens what has hung up, and sends heartbeats.
     fn pass(&mut self) -> Result<(), End> {
         self.now = self.client.sleep(millis(10)).ok_or(End::Over)?;
         for link in [MAIN, ROS] {

@@ -129,7 +129,7 @@ fn frozen_sensors_repeat_themselves() {
 }
 
 #[test]
-fn a_dead_watchdog_lets_the_vehicle_go_on_until_it_is_mended() {
+fn with_a_dead_watchdog_the_vehicle_goes_on_until_it_is_mended() {
     let mut rig = r150();
     drive(&mut rig, 500, 500, 20);
     let handle = inject(&mut rig, "kind = \"watchdog-off\"");

@@ -269,7 +269,7 @@ fn ice_payload_and_push_change_how_it_moves() {
 }
 
 #[test]
-fn a_brake_that_does_not_hold_lets_a_parked_vehicle_be_pushed() {
+fn with_a_brake_that_does_not_hold_a_parked_vehicle_can_be_pushed() {
     let pushed = |broken: bool| {
         let mut rig = r150();
         inject(&mut rig, "operator = \"park\"");

@@ -111,7 +111,7 @@ fn a_torn_request_is_given_up() {
 }
 
 #[test]
-fn a_stall_holds_everything_back_and_lets_it_go_at_once() {
+fn a_stall_holds_everything_back_and_releases_it_at_once() {
     let mut rig = r150();
     let stall = "kind = \"stall\"\ndirection = \"to-client\"";
     let (one, other) = (inject(&mut rig, stall), inject(&mut rig, stall));

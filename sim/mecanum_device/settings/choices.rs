@@ -105,7 +105,7 @@ choices! {
     pub enum IdleWheels {
         /// It holds the wheels.
         Hold = "hold",
-        /// It lets them go.
+        /// It releases them.
         Release = "release",
     }
 

@@ -3,7 +3,7 @@
 use super::super::settings::{MotorState, VelocityFrame};
 use super::*;
 
-/// The fields that tell of motion: velocity and pose.
+/// The fields of the motion: velocity and pose.
 fn motion_fields(status: &Status) -> [i16; 5] {
     let Status {
         v_x,

@@ -39,7 +39,7 @@ fn a_bad_crc_may_be_answered_false_once_and_still_changes_nothing() {
     assert_eq!(bench.reply(), None);
     assert_eq!(bench.device.power_status(), 0);
     assert_eq!(bench.device.control().by_client, NEITHER);
-    // What is no whole frame has no command to answer.
+    // What is not a whole frame has no command to answer.
     bench.send(&[0x55, 0xAA, 0x55, 0x01]);
     bench.after(Duration::from_millis(21));
     assert_eq!(bench.reply(), None);

@@ -342,7 +342,7 @@ fn by_default_every_reading_of_0x06_has_the_noise_of_its_kind() {
             let read = of(&|i| f64::from(i.voltage_12v[rail]) / 1e3);
             cases.push((read, volts, defaults.voltage));
         }
-        // No current is no quiet zero either, and may read a little below it.
+        // Without current, too, the reading has noise, and may be a little below zero.
         let read = of(&|i| f64::from(i.current_12v[rail]) / 1e3);
         cases.push((read, amperes, defaults.current));
     }
