@@ -102,6 +102,10 @@ impl RigPlan {
         let sources = Sources(&[source]);
         let mut problems = Problems::new(sources);
         let mut tables = sources.tables(0)?;
+        if tables.contains_key("good_client") || tables.contains_key("title") {
+            let why = "is a scenario file, not a rig file: `sim run` plays it";
+            return Err(FileError::general(format!("{} {why}", source.file)).into());
+        }
         let file = forgiving::read_table(&mut tables, &mut LeftOut::default(), &mut problems);
         let plan = file.and_then(|file| Self::check(&mut problems, &tables, base, file));
         problems.into_result()?;

@@ -58,6 +58,7 @@ fn errors_name_file_line_and_key() {
             "my-rig.toml:1:10: `schema`",
         ),
         ("schema = 1\n", "1 to 1000 [[device]]"),
+        ("schema = 1\ntitle = \"A drive\"\n", "`sim run` plays it"),
         (
             "schema = 1\ndevices = 3\n",
             "my-rig.toml:2:1: `devices`: unknown key",
