@@ -204,9 +204,13 @@ fn a_shell_does_the_same() {
         "bit-flips: ",
     );
     controlled.expect_ctl(&["steps"], "active   rail-short");
-    controlled.expect_ctl(&["--port", &port, "clear", "rail-short"], "\"done\"");
+    controlled.expect_ctl(
+        &["--port", &port, "clear", "rail-short"],
+        "rail-short: done",
+    );
     controlled.expect_ctl(&["operator", "emergency_stop", "true"], "active");
-    controlled.expect_ctl(&["clear"], "cleared");
+    controlled.expect_ctl(&["clear"], "cleared: ");
+    controlled.expect_ctl(&["clear"], "no step to clear");
     controlled.expect_ctl(
         &[
             "world",

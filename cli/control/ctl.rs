@@ -254,7 +254,15 @@ pub(crate) fn run(args: &CtlArgs) -> Result<Exit, Failure> {
                 Some(name) => format!("/v1/steps/{}", escape(name)),
                 None => "/v1/steps".to_owned(),
             };
-            show(&call(&client, "DELETE", &path, None)?)
+            let answer = call(&client, "DELETE", &path, None)?;
+            let Some(names) = answer["cleared"].as_array() else {
+                return show_step(&answer);
+            };
+            let names: Vec<&str> = names.iter().filter_map(Value::as_str).collect();
+            match names.join(", ") {
+                names if names.is_empty() => print("no step to clear"),
+                names => print(&format!("cleared: {}", visible::line(&names))),
+            }
         }
         Does::Steps => {
             let steps = call(&client, "GET", "/v1/steps", None)?;
@@ -442,12 +450,14 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
             error: anyhow!("{}", visible::lines(&why)),
         });
     }
-    let text = |key: &str| answer[key].as_str().unwrap_or_default().to_owned();
-    print(&format!(
-        "{}: {}",
-        visible::line(&text("name")),
-        text("state")
-    ))
+    show_step(&answer)
+}
+
+/// Prints a step and its state.
+fn show_step(step: &Value) -> Result<Exit, Failure> {
+    let text = |key: &str| step[key].as_str().unwrap_or_default();
+    let name = visible::line(text("name"));
+    print(&format!("{name}: {}", text("state")))
 }
 
 /// Says on standard error when a request waits for what does not come while time stands still, until the
