@@ -81,7 +81,7 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
     ],
     build: |setup, world| Box::new(Mecanum::new(setup, world)),
     codes: event::CODES,
-    names: &[COMMON, names::NAMES],
+    names: &[COMMON, names::NAMES, names::ECHOES],
     messages: &[Request::INFOS, Status::INFOS, &COMMANDS, &REPORTS],
     host: host::HOST,
     effects: &[

@@ -1,7 +1,7 @@
 //! What people do to an R150, and what hangs on it.
 
 use rigsim_physics::r150::PwmSource;
-use rigsim_settings::{Frequency, Percent, SimTime, Voltage};
+use rigsim_settings::{Frequency, Percent, SimTime};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -148,8 +148,6 @@ struct SignalKeys {
     frequency: Option<Frequency>,
     /// Of a generator; default 50 %.
     duty: Option<Percent>,
-    /// Of a generator; default 5 V.
-    high: Option<Voltage>,
     /// The module's own output.
     from_output: Option<ChannelText>,
 }
@@ -177,10 +175,10 @@ impl TryFrom<SignalKeys> for SignalText {
             (Some(frequency), None) => PwmSource::Generator {
                 frequency: frequency.0,
                 duty: keys.duty.map_or(0.5, |duty| duty.0 / 100.0),
-                high_voltage: keys.high.map_or(5.0, |high| high.0),
+                high_voltage: 5.0,
             },
-            (None, _) if keys.duty.is_some() || keys.high.is_some() => {
-                return Err("`duty` and `high` are a generator's, which has a `frequency`");
+            (None, _) if keys.duty.is_some() => {
+                return Err("`duty` is a generator's, which has a `frequency`");
             }
             (None, Some(output)) => PwmSource::OwnOutput(output.index()),
             (None, None) => PwmSource::None,

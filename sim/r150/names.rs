@@ -62,7 +62,6 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::flag("mode.autonomous", "the vehicle is in autonomous mode", |v| vehicle(v, |v| v.autonomous)),
     NameInfo::flag("mode.emergency_stop", "the emergency stop is in", |v| vehicle(v, |v| v.emergency_stop)),
     NameInfo::flag("mode.client_has_power", "the client controls the power outputs, not the app", |v| r150(v).is_some_and(|r| r.device().control().by_client.power)),
-    NameInfo::flag("mode.client_has_pwm", "the client controls the PWM outputs, not the app", |v| r150(v).is_some_and(|r| r.device().control().by_client.pwm)),
     NameInfo::number("firmware.motor_right", "0.1 %", "motor set-point in effect, right, after watchdog and limits", |v| device(v, |d| f64::from(d.motor_set_point()[0]))),
     NameInfo::number("firmware.motor_left", "0.1 %", "motor set-point in effect, left, after watchdog and limits", |v| device(v, |d| f64::from(d.motor_set_point()[1]))),
     NameInfo::flag("firmware.overcurrent_ab", "overcurrent of the 12 V outputs A and B is latched", |v| sys(v, sys_status::OVERCURRENT_AB)),
