@@ -58,7 +58,7 @@ pub use mecanum::{
 pub use plant::{Motion, Plant};
 pub use pose::{BodyMotion, Pose};
 pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
-pub use running_gear::Energy;
+pub use running_gear::{Energy, RunningGear};
 pub use tolerance::Tolerances;
 pub use twist::{Twist, Wrench};
 pub use vehicle_body::VehicleBody;

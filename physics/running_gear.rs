@@ -116,7 +116,7 @@ struct Outside {
 
 /// The running gear; wheels that are geared together are one.
 #[derive(Debug, Clone)]
-pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
+pub struct RunningGear<const WHEELS: usize, C = Straight> {
     traction: Traction<WHEELS, PATCHES, C>,
     /// rad/s
     pub(crate) wheel_speed: [f64; WHEELS],
@@ -133,7 +133,7 @@ pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
     /// kg·m²
     pub(crate) inertia: f64,
     /// The balance of its energy, once a test asks for it.
-    pub(crate) energy: Option<Energy>,
+    pub energy: Option<Energy>,
     stance: Stance,
     /// Index of the wheel of each patch.
     wheel_of: [usize; PATCHES],
@@ -257,8 +257,10 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         }
     }
 
-    /// Forces of each patch on the ground at the end of the last step.
-    pub(crate) fn on_ground(&self) -> [GroundForce; PATCHES] {
+    /// Returns what each wheel did on the ground at the end of the last step, front left, front
+    /// right, rear left, rear right.
+    #[must_use]
+    pub fn on_ground(&self) -> [GroundForce; PATCHES] {
         self.traction.on_ground()
     }
 

@@ -3,8 +3,8 @@
 use super::MecanumPlant;
 use super::signals::{MecanumCommands, MecanumMeasurements, PORTS, WHEELS, Wheel};
 use crate::plant::{Motion, Plant as _};
-use crate::running_gear::Energy;
-use crate::traction::GroundForce;
+use crate::running_gear::RunningGear;
+use crate::traction::Slanted;
 
 /// True state, for verdicts and summaries. No firmware sees this. Arrays are by
 /// [`Wheel::index`].
@@ -69,22 +69,15 @@ impl MecanumPlant {
         self.drive.gear.tipping
     }
 
-    /// Keeps the balance of the energy of its motion from now on, for tests.
-    pub fn keep_energy(&mut self) {
-        self.drive.gear.energy = Some(Energy::default());
+    /// Returns its wheels and what they did on the ground.
+    #[must_use]
+    pub fn gear(&self) -> &RunningGear<WHEELS, Slanted> {
+        &self.drive.gear
     }
 
-    /// Returns the balance of the energy of its motion, if it is kept.
-    #[must_use]
-    pub fn energy(&self) -> Option<Energy> {
-        self.drive.gear.energy
-    }
-
-    /// Returns what each wheel did on the ground at the end of the last step, front left, front
-    /// right, rear left, rear right.
-    #[must_use]
-    pub fn on_ground(&self) -> [GroundForce; 4] {
-        self.drive.gear.on_ground()
+    /// The same, for tests that keep the balance of its energy.
+    pub fn gear_mut(&mut self) -> &mut RunningGear<WHEELS, Slanted> {
+        &mut self.drive.gear
     }
 
     /// Returns the true state.

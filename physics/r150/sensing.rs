@@ -7,8 +7,7 @@ use super::pwm;
 use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
 use crate::faults::EncoderState;
 use crate::plant::Plant as _;
-use crate::running_gear::Energy;
-use crate::traction::GroundForce;
+use crate::running_gear::RunningGear;
 
 impl R150Plant {
     /// Reads the firmware's sensors now.
@@ -33,22 +32,15 @@ impl R150Plant {
         }
     }
 
-    /// Keeps the balance of the energy of its motion from now on, for tests.
-    pub fn keep_energy(&mut self) {
-        self.drive.gear.energy = Some(Energy::default());
+    /// Returns its wheels and what they did on the ground.
+    #[must_use]
+    pub fn gear(&self) -> &RunningGear<2> {
+        &self.drive.gear
     }
 
-    /// Returns the balance of the energy of its motion, if it is kept.
-    #[must_use]
-    pub fn energy(&self) -> Option<Energy> {
-        self.drive.gear.energy
-    }
-
-    /// Returns what each wheel did on the ground at the end of the last step, front left, front
-    /// right, rear left, rear right.
-    #[must_use]
-    pub fn on_ground(&self) -> [GroundForce; 4] {
-        self.drive.gear.on_ground()
+    /// The same, for tests that keep the balance of its energy.
+    pub fn gear_mut(&mut self) -> &mut RunningGear<2> {
+        &mut self.drive.gear
     }
 
     /// Returns the true state.

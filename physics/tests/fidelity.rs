@@ -235,7 +235,7 @@ fn lifted_in_braking(payload: f64) -> f64 {
     car.turn([1; 4], 1.0);
     car.run(1.0);
     let rear = |car: &Car| {
-        let [.., left, right] = car.plant.on_ground();
+        let [.., left, right] = car.plant.gear().on_ground();
         left.load + right.load
     };
     let standing = car.plant.truth().motion.mass * 9.81 / 2.0;

@@ -13,11 +13,11 @@ use std::time::Duration;
 use anything::{any_body_faults, any_motor_faults};
 use car::Car;
 use proptest::prelude::*;
-use rigsim_physics::Wrench;
 use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::mecanum::{
     MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel,
 };
+use rigsim_physics::{Energy, Wrench};
 use rigsim_physics::{
     Ground, MecanumCommands, MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings,
 };
@@ -113,7 +113,7 @@ fn apply(car: &mut Car, action: &Action) {
             for _ in 0..steps {
                 car.step();
                 check(car);
-                ground::check_friction(car.plant.on_ground());
+                ground::check_friction(car.plant.gear().on_ground());
             }
         }
     }
@@ -192,7 +192,7 @@ proptest! {
         settings.body.mass = mass;
         settings.body.yaw_inertia = yaw_inertia;
         let mut car = Car::with(&settings);
-        car.plant.keep_energy();
+        car.plant.gear_mut().energy = Some(Energy::default());
         car.world.set_ground(Ground::flat(friction));
         for (reverse, brake, voltage) in drives {
             car.plant.pass_to(car.world.step_length().mul_f64(pass));
@@ -201,7 +201,7 @@ proptest! {
                 car.step();
                 check(&car);
                 if !car.plant.at_rest() {
-                    let wheels = car.plant.on_ground();
+                    let wheels = car.plant.gear().on_ground();
                     ground::check_wheels(wheels, friction, mass * 9.81);
                 }
             }
@@ -213,7 +213,7 @@ proptest! {
                 + yaw_inertia * truth.motion.yaw_rate.powi(2)
                 + inertia * turning;
             let strain = ground::most_strain(mass * 9.81, friction, [stiffness, drag], relaxation);
-            ground::check_energy(car.plant.energy().unwrap(), motion / 2.0, strain);
+            ground::check_energy(car.plant.gear().energy.unwrap(), motion / 2.0, strain);
         }
     }
 

@@ -516,7 +516,7 @@ fn a_loaded_car_loses_more_of_a_strafe() {
 
 /// Loads of the front wheels less those of the rear ones, and of the left less the right ones, N.
 fn leaning(car: &Car) -> [f64; 2] {
-    let [lf, rf, lr, rr] = car.plant.on_ground().map(|wheel| wheel.load);
+    let [lf, rf, lr, rr] = car.plant.gear().on_ground().map(|wheel| wheel.load);
     [lf + rf - lr - rr, lf + lr - rf - rr]
 }
 

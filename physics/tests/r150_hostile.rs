@@ -15,7 +15,7 @@ use proptest::prelude::*;
 use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side, Sides};
 use rigsim_physics::world::Obstacle;
-use rigsim_physics::{Ground, Plant as _, Pose, R150PlantSettings, Wrench};
+use rigsim_physics::{Energy, Ground, Plant as _, Pose, R150PlantSettings, Wrench};
 
 /// Something that a client, an operator or a scenario may do.
 #[derive(Debug, Clone)]
@@ -123,7 +123,7 @@ fn apply(bench: &mut Bench, action: &Action) {
             for _ in 0..steps {
                 bench.step();
                 check(bench);
-                ground::check_friction(bench.plant.on_ground());
+                ground::check_friction(bench.plant.gear().on_ground());
             }
         }
     }
@@ -201,14 +201,14 @@ proptest! {
         settings.body.yaw_inertia = inertia;
         settings.battery.resistance = resistance_of_packs;
         let mut bench = Bench::with(&settings);
-        bench.plant.keep_energy();
+        bench.plant.gear_mut().energy = Some(Energy::default());
         for (right, left) in duties {
             bench.drive(right, left);
             for _ in 0..100 {
                 bench.step();
                 check(&bench);
                 if !bench.plant.at_rest() {
-                    let wheels = bench.plant.on_ground();
+                    let wheels = bench.plant.gear().on_ground();
                     ground::check_wheels(wheels, FRICTION, mass * 9.81);
                 }
             }
@@ -224,7 +224,7 @@ proptest! {
                 + wheel_inertia * (right.powi(2) + left.powi(2));
             let stiffness = [stiffness, settings.tyre.lateral_stiffness];
             let strain = ground::most_strain(mass * 9.81, FRICTION, stiffness, relaxation);
-            ground::check_energy(bench.plant.energy().unwrap(), motion / 2.0, strain);
+            ground::check_energy(bench.plant.gear().energy.unwrap(), motion / 2.0, strain);
         }
     }
 }

@@ -32,8 +32,12 @@ impl Books {
     /// Before a run, whose device keeps the balance of its energy from then on.
     pub fn open(run: &mut Run) {
         let rig = run.rig_mut();
-        rig.with_device(0, |r150: &mut R150, _, _| r150.plant_mut().keep_energy());
-        rig.with_device(0, |car: &mut Mecanum, _, _| car.plant_mut().keep_energy());
+        rig.with_device(0, |r150: &mut R150, _, _| {
+            r150.plant_mut().gear_mut().energy = Some(Energy::default())
+        });
+        rig.with_device(0, |car: &mut Mecanum, _, _| {
+            car.plant_mut().gear_mut().energy = Some(Energy::default())
+        });
     }
 
     /// After a step.
@@ -59,7 +63,7 @@ impl Books {
             self.motors += motors * seconds;
             self.windings += windings * seconds;
             self.moved += motors.abs() * seconds;
-            check_friction(r150.plant().on_ground());
+            check_friction(r150.plant().gear().on_ground());
         } else if let Some(car) = rig.device::<Mecanum>(0) {
             let truth = car.truth();
             for wheel in 0..WHEELS {
@@ -69,7 +73,7 @@ impl Books {
                 self.moved += work.abs();
             }
             self.wheel_speed = truth.wheel_speed;
-            check_friction(car.plant().on_ground());
+            check_friction(car.plant().gear().on_ground());
         }
     }
 
@@ -79,8 +83,8 @@ impl Books {
         let r150 = rig.device::<R150>(0).map(|r150| r150.plant());
         let car = rig.device::<Mecanum>(0).map(|car| car.plant());
         let (energy, motor_heat) = match (r150, car) {
-            (Some(plant), _) => (plant.energy(), self.windings),
-            (_, Some(plant)) => (plant.energy(), 0.0),
+            (Some(plant), _) => (plant.gear().energy, self.windings),
+            (_, Some(plant)) => (plant.gear().energy, 0.0),
             _ => return Err("no such device".to_owned()),
         };
         let energy = energy.ok_or("its balance was not kept")?;
