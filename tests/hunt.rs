@@ -10,6 +10,7 @@ mod harness;
 
 use harness::live::Folder;
 use harness::{Finished, command};
+use serde_json::Value;
 
 /// A client in a shell cannot speak, so this one is in Python's standard library alone: it asks the
 /// vehicle to drive for two seconds, goes on after what it does not understand, and never looks at
@@ -88,6 +89,13 @@ fn write(folder: &Folder, name: &str, text: &str) {
     std::fs::write(folder.path().join(name), text).unwrap();
 }
 
+/// What `hunt.json` in a folder says of the only job.
+fn job(folder: &Folder, output: &str) -> Value {
+    let text = folder.read(&format!("{output}/hunt.json"));
+    let results: Value = serde_json::from_str(&text).unwrap();
+    results["jobs"][0].clone()
+}
+
 fn hunt(folder: &Folder, more: &[&str]) -> Finished {
     hunt_in(folder, "job.toml", more)
 }
@@ -127,7 +135,7 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
     );
     assert_eq!(one.code(), Some(1), "{}", one.err);
     let text = folder.read("one/hunt.json");
-    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let report: Value = serde_json::from_str(&text).unwrap();
     let job = &report["jobs"][0];
     assert_eq!(job["runs"], 24, "{text}");
     let found = &job["findings"][0];
@@ -303,7 +311,7 @@ port = ";
     }
     // It is no reason to end the search.
     let text = folder.read("out/hunt.json");
-    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let report: Value = serde_json::from_str(&text).unwrap();
     let job = &report["jobs"][0];
     assert!(
         job["runs"].as_u64() > job["findings"][0]["run"].as_u64(),
@@ -431,6 +439,125 @@ fn a_harmless_fault_before_one_that_no_client_can_help_changes_nothing() {
     assert!(ended.out.contains("unavoidable"), "{}", ended.out);
 }
 
+/// The single faults of a hunt, run by run.
+fn faults(job: &Value) -> Vec<Vec<String>> {
+    let tried = job["tried"].as_array().unwrap().iter();
+    let words = |one: &Value| serde_json::from_value(one["faults"].clone()).unwrap();
+    tried.map(words).collect()
+}
+
+#[test]
+fn of_two_faults_in_a_run_those_are_found_that_break_the_rule_alone() {
+    let folder = folder();
+    write(
+        &folder,
+        "client.py",
+        &CLIENT.replace("tick < 20", "tick < 36"),
+    );
+    write(
+        &folder,
+        "stopped.toml",
+        "[[never]]\nthat = \"(mode.locked || mode.parked) && firmware.motor_right != 0\"\n\
+         longer_than = \"200 ms\"\nmessage = \"it asks for speed\"\n",
+    );
+    let kinds = ["--faults", "lock,park,torn-reply", "--stages", "single"];
+    let more = ["--runs", "24", "--output", "out", "--report", "page.html"];
+    let ended = hunt_by(
+        &folder,
+        "job.toml",
+        "stopped.toml",
+        &[&kinds[..], &more].concat(),
+    );
+    assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
+    let job = job(&folder, "out");
+    let found = job["findings"].as_array().unwrap().iter();
+    let mut found: Vec<Vec<String>> = found
+        .map(|one| serde_json::from_value(one["faults"].clone()).unwrap())
+        .collect();
+    found.sort_unstable();
+    let kind = |faults: &Vec<String>| faults[0].split(' ').next().unwrap().to_owned();
+    assert_eq!(
+        found.iter().map(kind).collect::<Vec<_>>(),
+        ["lock", "park"],
+        "{found:?}"
+    );
+    assert!(found.iter().all(|faults| faults.len() == 1), "{found:?}");
+    // A fault has its own margin, whatever was played with it.
+    let (mut innocent, mut both) = (0, 0);
+    for one in job["tried"].as_array().unwrap() {
+        let [kinds, hit, alone] = ["kinds", "hit", "alone"].map(|key| one[key].as_array().unwrap());
+        assert_eq!(hit.len(), kinds.len(), "{one}");
+        let has_broken = !one["broken"].as_array().unwrap().is_empty();
+        let is_pair = kinds.len() == 2;
+        assert_eq!(alone.len() == 2, is_pair && has_broken, "{one}");
+        both += usize::from(alone.iter().filter(|margin| **margin == 0.0).count() == 2);
+        for (kind, margin) in kinds
+            .iter()
+            .zip(alone)
+            .filter(|(kind, _)| **kind == "torn-reply")
+        {
+            assert_ne!(*margin, 0.0, "{kind} {one}");
+            innocent += 1;
+        }
+    }
+    assert!(innocent > 0 && both > 0, "{innocent} {both} {job:#}");
+    let page = folder.read("page.html");
+    let row = |kind: &str| {
+        let begin = format!("<tr><td>{kind}</td>");
+        let row = page.split(&begin).nth(1).expect(&page);
+        row.split("</tr>").next().unwrap().to_owned()
+    };
+    assert!(
+        row("lock").contains(">0.00<") && row("park").contains(">0.00<"),
+        "{page}"
+    );
+    assert!(
+        !row("torn-reply").contains(">0.00<"),
+        "{}",
+        row("torn-reply")
+    );
+}
+
+#[test]
+fn a_fault_that_came_after_the_client_had_ended_is_played_before_others() {
+    let folder = folder();
+    let send = "\ndef send(port, data):\n    try:\n        os.write(port, data)\n    \
+                except OSError:\n        raise SystemExit(0)\n\nport = ";
+    let client = CLIENT
+        .replace("os.write(", "send(")
+        .replace("\nport = ", send);
+    write(&folder, "client.py", &client);
+    let kinds = [
+        "--faults",
+        "cable-pulled,frozen-sensors",
+        "--stages",
+        "single",
+    ];
+    let hunt = |more: &[&str], output| {
+        let more = [&kinds[..], more, &["--runs", "24", "--output", output]].concat();
+        let ended = hunt(&folder, &more);
+        assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+        job(&folder, output)
+    };
+    let job = hunt(&[], "out");
+    let runs = faults(&job);
+    let mut again = 0;
+    for (run, all) in runs.iter().enumerate() {
+        for (place, fault) in all.iter().enumerate() {
+            if runs[..run].iter().any(|before| before.contains(fault)) {
+                again += 1;
+                assert_eq!(place, 0, "{all:?}");
+            }
+        }
+    }
+    assert!(again > 0, "{runs:#?}");
+    // Nothing is late where each is by itself.
+    let runs = faults(&hunt(&["--max-faults", "1"], "single"));
+    let all: std::collections::BTreeSet<_> = runs.iter().flatten().collect();
+    assert!(runs.iter().all(|all| all.len() == 1), "{runs:#?}");
+    assert_eq!(all.len(), runs.len(), "{runs:#?}");
+}
+
 /// What a client does that gives up after some replies that are not like the first.
 const GIVES_UP: &str = r#"
 import select, sys
@@ -457,7 +584,7 @@ fn an_exit_code_counts_where_no_fault_lasts() {
         let more = ["--runs", "16", "--stages", "single", "--output", patience];
         let done = hunt(&folder, &[&["--faults", kinds], &more[..]].concat());
         let report = folder.read(&format!("{patience}/hunt.json"));
-        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let report: Value = serde_json::from_str(&report).unwrap();
         (done, report["jobs"][0].clone())
     };
     // One flipped bit is enough, which ends by itself.
@@ -511,7 +638,7 @@ fn several_jobs_are_searched_and_a_reference_is_played_too() {
     };
     let both = with("python3 careful.py", "both");
     assert_eq!(both.code(), Some(1), "{}", both.err);
-    let report: serde_json::Value = serde_json::from_str(&folder.read("both/hunt.json")).unwrap();
+    let report: Value = serde_json::from_str(&folder.read("both/hunt.json")).unwrap();
     for (index, job) in report["jobs"].as_array().unwrap().iter().enumerate() {
         let found = &job["findings"][0];
         let file = found["file"].as_str().unwrap();

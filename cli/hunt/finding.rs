@@ -109,17 +109,6 @@ impl Hunt<'_> {
         earlier.count() >= MOST_OF_RULE || known.any(contains)
     }
 
-    /// The faults of a schedule that each break the rule alone, in a way that is the client's error. Otherwise a
-    /// known fault, or one that excuses the client, would hide another that is played with it.
-    pub(super) fn alone(&mut self, schedule: &[Fault], key: &str) -> Result<Vec<Fault>, Failure> {
-        let each = schedule.iter().map(std::slice::from_ref);
-        let new = each.filter(|one| !self.is_known(one, key) && !may_end(one, key));
-        let new: Vec<Vec<Fault>> = new.map(<[Fault]>::to_vec).collect();
-        let breaks = self.which_break(&new, key)?;
-        let alone = new.into_iter().zip(breaks).filter(|(_, breaks)| *breaks);
-        Ok(alone.flat_map(|(one, _)| one).collect())
-    }
-
     fn count_unavoidable(&mut self, key: &str, failure: &str) {
         let first = || (rule_of(failure).to_owned(), 0);
         let all = self.state.unavoidable.entry(key.to_owned());

@@ -64,13 +64,15 @@ impl Summary {
             moments.map(|one| json!({ "at_ms": one.at, "trigger": one.trigger.to_string() }));
         let tried = state.tried.iter().map(|tried| {
             let words = tried.planned.schedule.iter().map(|fault| fault.words());
+            let alone = tried.alone.iter().map(|seen| seen.nearest(&state.usual));
             let kinds = tried.planned.schedule.iter().map(|fault| fault.kind);
             json!({
                 "kinds": kinds.collect::<Vec<_>>(),
                 "faults": words.collect::<Vec<_>>(),
                 "moments": tried.planned.cells.iter().map(|(.., moment)| moment).collect::<Vec<_>>(),
-                "hit": tried.seen.hits(),
+                "hit": tried.seen.hit.iter().take(tried.planned.schedule.len()).collect::<Vec<_>>(),
                 "margin": tried.seen.nearest(&state.usual),
+                "alone": alone.collect::<Vec<_>>(),
                 "nearer": tried.seen.nearer(&state.usual).collect::<BTreeMap<_, _>>(),
                 "broken": tried.seen.broken.values().collect::<Vec<_>>(),
                 "error": tried.seen.error,
@@ -191,8 +193,8 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
         let all = state.tried.iter().filter_map(|tried| {
             let mut cells = tried.planned.cells.iter();
             let index = cells.position(|(of, _, at)| (*of, *at) == (kind, moment))?;
-            let hit = tried.seen.hit.get(index) == Some(&true);
-            Some((hit, tried.seen.nearest(&state.usual)))
+            let (seen, hit) = tried.of(index);
+            Some((hit, seen.nearest(&state.usual)))
         });
         let mut all = all.peekable();
         all.peek()?;
@@ -210,9 +212,9 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
             (picture)
         }
         p.about {
-            "A number is the margin of a rule that came nearer to being broken than without faults, in a run with "
-            "the fault and with others before or after it. Green without one: no rule did. –: the fault hit "
-            "nothing. Empty: not tried."
+            "A number is the margin of a rule that came nearer to being broken than without faults. A run with two "
+            "faults counts for both; if it broke a rule, each was played alone, and that counts. Green without a "
+            "number: no rule came nearer. –: the fault hit nothing. Empty: not tried."
         }
         table {
             thead {

@@ -57,6 +57,17 @@ type First = (Vec<Fault>, Vec<u64>);
 pub(super) struct Tried {
     pub(super) planned: Planned,
     pub(super) seen: Seen,
+    /// Each of its single faults by itself, if they broke a rule together.
+    pub(super) alone: Vec<Seen>,
+}
+
+impl Tried {
+    /// What is known of a fault of it, and whether that hit something.
+    pub(super) fn of(&self, index: usize) -> (&Seen, bool) {
+        let alone = self.alone.get(index).filter(|seen| seen.error.is_none());
+        let (seen, index) = alone.map_or((&self.seen, index), |seen| (seen, 0));
+        (seen, seen.hit.get(index) == Some(&true))
+    }
 }
 
 /// Number of tries, and number of those that led to something new.
@@ -369,25 +380,31 @@ impl Hunt<'_> {
             count.without_verdict += u64::from(seen.error.is_some());
             count.failed += u64::from(!seen.broken.is_empty());
             let (broken, schedule) = (seen.broken.clone(), planned.schedule.clone());
-            let is_pair = planned.cells.len() > 1;
-            self.learn(planned, seen);
-            for (key, failure) in broken {
-                let alone = match is_pair {
-                    true => self.alone(&schedule, &key)?,
-                    false => Vec::new(),
-                };
-                for fault in &alone {
-                    self.look_into(run, std::slice::from_ref(fault), &key, &failure)?;
+            let has_alone = planned.cells.len() > 1 && !broken.is_empty();
+            let each = schedule.chunks(1).filter(|_| has_alone);
+            let each = each.map(|one| self.frame.document(one));
+            let alone = self.player.play(&each.collect::<Vec<_>>())?;
+            self.learn(planned, seen, alone);
+            for (key, failure) in &broken {
+                // A fault that is known, or that excuses the client, would hide another that is played with it.
+                let tried = self.state.tried.last();
+                let each = schedule
+                    .chunks(1)
+                    .zip(tried.iter().flat_map(|tried| &tried.alone));
+                let each = each.filter(|(_, seen)| seen.broken.contains_key(key));
+                let mut guilty: Vec<&[Fault]> = each.map(|(fault, _)| fault).collect();
+                if guilty.is_empty() {
+                    guilty.push(&schedule);
                 }
-                if alone.is_empty() {
-                    self.look_into(run, &schedule, &key, &failure)?;
+                for faults in guilty {
+                    self.look_into(run, faults, key, failure)?;
                 }
             }
         }
         Ok(())
     }
 
-    fn learn(&mut self, planned: Planned, seen: Seen) {
+    fn learn(&mut self, planned: Planned, seen: Seen, alone: Vec<Seen>) {
         let state = &mut self.state;
         let is_new = state.sent.insert(seen.sent) && seen.hits();
         let is_nearer = seen.nearer(&state.usual).next().is_some();
@@ -435,7 +452,11 @@ impl Hunt<'_> {
             let (members, _) = state.firsts.entry(seen.class).or_default();
             members.extend(firsts);
         }
-        state.tried.push(Tried { planned, seen });
+        state.tried.push(Tried {
+            planned,
+            seen,
+            alone,
+        });
     }
 
     /// The next single faults: two that do not overlap, if possible. A failure is reduced to the one that causes
