@@ -437,6 +437,16 @@ fn a_harmless_fault_before_one_that_no_client_can_help_changes_nothing() {
     assert!(!ended.err.contains("found in run"), "{}", ended.err);
     assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
     assert!(ended.out.contains("unavoidable"), "{}", ended.out);
+    // What is not the client's says nothing about how rare its failures are.
+    let random = &job(&folder, "out")["stages"]["random"];
+    assert_eq!(random["failed"], 0, "{random}");
+    let others = random["unavoidable"].as_u64().unwrap();
+    assert!((1..59).contains(&others), "{random}");
+    let most = 300_u64.div_ceil(random["runs"].as_u64().unwrap() - others);
+    let words = format!(
+        ", {others} with a failure that is not the client's, the others without failure: fewer than {most} %"
+    );
+    assert!(ended.out.contains(&words), "{words}\n{}", ended.out);
 }
 
 /// The single faults of a hunt, run by run.

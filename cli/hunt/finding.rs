@@ -42,21 +42,21 @@ const MOVED: [u64; 7] = [20, 50, 100, 200, 500, 1000, 2000];
 const ROUND: [u64; 5] = [1000, 500, 100, 50, 10];
 
 impl Hunt<'_> {
-    /// Attributes a broken rule, reduces the schedule, and writes it.
+    /// Attributes a broken rule, reduces the schedule, and writes it. Returns whether the client broke it.
     pub(super) fn look_into(
         &mut self,
         run: u64,
         schedule: &[Fault],
         key: &str,
         failure: &str,
-    ) -> Result<(), Failure> {
+    ) -> Result<bool, Failure> {
         if self.is_known(schedule, key) {
-            return Ok(());
+            return Ok(self.has_found(key));
         }
         let of = ids(schedule);
         if self.is_unavoidable(schedule, key)? {
             self.count_unavoidable(key, failure);
-            return Ok(());
+            return Ok(false);
         }
         let words: Vec<String> = schedule.iter().map(Fault::words).collect();
         let words = words.join("\n  ");
@@ -74,12 +74,12 @@ impl Hunt<'_> {
             complain_above(&self.bar, "  it shrinks to what no client can avoid");
             known.push(of);
             self.count_unavoidable(key, failure);
-            return Ok(());
+            return Ok(false);
         }
         if known.contains(&shrunk) {
             complain_above(&self.bar, "  it shrinks to a finding before");
             known.push(of);
-            return Ok(());
+            return Ok(self.has_found(key));
         }
         known.extend([of, shrunk]);
         let mut found = Found {
@@ -97,7 +97,12 @@ impl Hunt<'_> {
         };
         self.write(&mut found, is_cut)?;
         self.state.found.push(found);
-        Ok(())
+        Ok(true)
+    }
+
+    /// Returns whether the client has broken a rule.
+    fn has_found(&self, key: &str) -> bool {
+        self.state.found.iter().any(|found| found.key == key)
     }
 
     /// Returns whether earlier findings explain it, or are enough for this rule.

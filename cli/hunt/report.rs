@@ -141,12 +141,20 @@ fn text_of(hunt: &Hunt<'_>) -> String {
         counted(random.runs, "random schedule"),
     );
     // Runs without a verdict do not count.
-    match (random.runs - random.without_verdict, random.failed) {
+    let excused = random.unavoidable;
+    let others = match excused {
+        0 => String::new(),
+        _ => format!(", {excused} with a failure that is not the client's, the others"),
+    };
+    match (
+        random.runs - random.without_verdict - excused,
+        random.failed,
+    ) {
         (0, _) => {}
         // The rule of three: the bound that holds with a confidence of 95 %.
         (runs, 0) => {
             let most = 300_u64.div_ceil(runs).min(100);
-            text += &format!(" without failure: fewer than {most} % of them fail (95 %)");
+            text += &format!("{others} without failure: fewer than {most} % of them fail (95 %)");
         }
         (_, failed) => text += &format!(", {failed} with a failure"),
     }

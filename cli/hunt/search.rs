@@ -105,7 +105,9 @@ pub(super) struct Count {
     pub(super) runs: u64,
     pub(super) without_hit: u64,
     pub(super) without_verdict: u64,
+    /// Those in which the client broke a rule, and those in which it could not have kept it.
     pub(super) failed: u64,
+    pub(super) unavoidable: u64,
 }
 
 /// What is known of a job and a client.
@@ -378,13 +380,13 @@ impl Hunt<'_> {
             count.runs += 1;
             count.without_hit += u64::from(!seen.hits());
             count.without_verdict += u64::from(seen.error.is_some());
-            count.failed += u64::from(!seen.broken.is_empty());
             let (broken, schedule) = (seen.broken.clone(), planned.schedule.clone());
             let has_alone = planned.cells.len() > 1 && !broken.is_empty();
             let each = schedule.chunks(1).filter(|_| has_alone);
             let each = each.map(|one| self.frame.document(one));
             let alone = self.player.play(&each.collect::<Vec<_>>())?;
             self.learn(planned, seen, alone);
+            let mut is_own = false;
             for (key, failure) in &broken {
                 // A fault that is known, or that excuses the client, would hide another that is played with it.
                 let tried = self.state.tried.last();
@@ -397,9 +399,12 @@ impl Hunt<'_> {
                     guilty.push(&schedule);
                 }
                 for faults in guilty {
-                    self.look_into(run, faults, key, failure)?;
+                    is_own |= self.look_into(run, faults, key, failure)?;
                 }
             }
+            let count = self.state.counts.entry(stage).or_default();
+            count.failed += u64::from(is_own);
+            count.unavoidable += u64::from(!broken.is_empty() && !is_own);
         }
         Ok(())
     }
