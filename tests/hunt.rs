@@ -568,6 +568,24 @@ fn a_fault_that_came_after_the_client_had_ended_is_played_before_others() {
     assert_eq!(all.len(), runs.len(), "{runs:#?}");
 }
 
+#[test]
+fn a_hunt_whose_runs_have_no_verdict_says_so() {
+    let folder = folder();
+    write(&folder, "starts", "");
+    // Three times without faults, and never again.
+    let gone = "open('starts', 'a').write('x')\n\
+                if os.path.getsize('starts') > 3:\n    raise SystemExit('no serial port here')\nport = ";
+    write(&folder, "client.py", &CLIENT.replace("port = ", gone));
+    let ended = hunt(
+        &folder,
+        &["--faults", "lock", "--runs", "4", "--output", "out"],
+    );
+    assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
+    let why = "no run of the search has a verdict: the client could not";
+    assert!(ended.out.contains(why), "{}", ended.out);
+    assert!(!ended.out.contains("nothing found"), "{}", ended.out);
+}
+
 /// What a client does that gives up after some replies that are not like the first.
 const GIVES_UP: &str = r#"
 import select, sys

@@ -25,7 +25,7 @@ Exit codes:
   0  nothing found
   1  found: at least one file was written
   2  usage or configuration: a flag or a file is wrong, or the client is not repeatable
-  3  simulator or system";
+  3  simulator or system, or no run of the search has a verdict";
 
 /// Part of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize)]

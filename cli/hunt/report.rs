@@ -30,6 +30,8 @@ pub(super) struct Summary {
     pages: Vec<Markup>,
     lines: Vec<String>,
     found: usize,
+    /// No run of the search of a job has a verdict.
+    is_unjudged: bool,
 }
 
 impl Summary {
@@ -44,6 +46,7 @@ impl Summary {
             pages: Vec::new(),
             lines: Vec::new(),
             found: 0,
+            is_unjudged: false,
         })
     }
 
@@ -94,6 +97,7 @@ impl Summary {
             self.pages.push(page_of(hunt)?);
         }
         self.found += state.written().count();
+        self.is_unjudged |= state.unjudged().is_some();
         self.lines.push(text_of(hunt));
         self.write()
     }
@@ -112,6 +116,7 @@ impl Summary {
         }
         print(&self.lines.join("\n"))?;
         Ok(match self.found {
+            0 if self.is_unjudged => Exit::System,
             0 => Exit::Clean,
             _ => Exit::Failed,
         })
@@ -184,7 +189,9 @@ fn text_of(hunt: &Hunt<'_>) -> String {
         };
         text += &format!("\n{what}, {}: {rule}", counted(*times, "time"));
     }
-    if state.written().next().is_none() {
+    if let Some(why) = state.unjudged() {
+        text += &format!("\nno run of the search has a verdict: {why}");
+    } else if state.written().next().is_none() {
         text += "\nnothing found";
     }
     text

@@ -162,6 +162,13 @@ impl State {
     pub(super) fn written(&self) -> impl Iterator<Item = &Found> {
         self.found.iter().filter(|found| found.file.is_some())
     }
+
+    /// Why there is no verdict, if no run of the search has one.
+    pub(super) fn unjudged(&self) -> Option<&str> {
+        let mut errors = self.tried.iter().map(|tried| tried.seen.error.as_deref());
+        let first = errors.next()??;
+        errors.all(|error| error.is_some()).then_some(first)
+    }
 }
 
 pub(super) struct Hunt<'a> {
