@@ -19,6 +19,8 @@ use std::time::Instant;
 
 use harness::live::{DRIVE, Folder, is_running};
 use harness::{Finished, python, until};
+use rigsim_core::SHIPPED;
+use rigsim_runner::trace::Replay;
 use rustix::process::Signal;
 
 fn example(name: &str) -> String {
@@ -126,6 +128,15 @@ fn what_a_client_believes_is_judged_by_the_truth_in_both_kinds_of_time() {
             let trace = "out/knows.trace.jsonl";
             assert!(folder.read(trace).contains("bad_publication"), "{time}");
             assert_eq!(folder.sim(&["replay", trace]).code(), Some(0));
+            let text = folder.read(trace);
+            let mut lines = text.lines();
+            let mut replay = Replay::begin(SHIPPED, lines.next().unwrap()).unwrap();
+            lines.for_each(|line| replay.line(line).unwrap());
+            let margins = &replay.run().finished().unwrap().margins;
+            let margins = serde_json::to_string(margins).unwrap();
+            let margins: serde_json::Value = serde_json::from_str(&margins).unwrap();
+            assert_eq!(margins[0]["margin"] == 0.0, code == 1, "{time} {margins}");
+            assert_eq!(report["margins"], margins, "{time}");
             let table = folder.sim(&[
                 "trace",
                 trace,
