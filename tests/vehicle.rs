@@ -537,6 +537,22 @@ fn settings(report: &str, verdict: &str) -> Vec<String> {
 }
 
 #[test]
+fn a_plan_is_for_the_settings_that_are_given() {
+    let folder = Folder::with(&[("big.toml", "mecanum.byte_order = \"big\"\n")]);
+    let plan = |more: &[&str]| {
+        let plan = ["fit", "--plan", "--json", "--device", "mecanum"];
+        folder.sim(&[&plan[..], more].concat()).expect_clean().out
+    };
+    let [usual, file, set] = [
+        &[][..],
+        &["--config", "big.toml"],
+        &["--set", "mecanum.byte_order=big"],
+    ]
+    .map(plan);
+    assert!(usual != file && file == set, "{file}");
+}
+
+#[test]
 fn what_differs_is_found_and_explains_the_vehicle() {
     let folder = Folder::with(&[("drive.toml", DRIVE), ("perform.py", PERFORM)]);
     let changes = ["r150.version_order=major-low", "r150.reply_delay=4ms"];
@@ -797,8 +813,7 @@ fn what_was_changed_is_found_through_pseudo_terminals_in_real_time() {
     for _ in 0..DRIVES {
         let dir = tempfile::tempdir().unwrap();
         let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
-        let plan = run(&["fit", "--plan", "--json"]).expect_clean().out;
-        std::fs::write(path("plan.json"), plan).unwrap();
+        std::fs::write(path("drive.toml"), "r150.over_rate = \"silent\"\n").unwrap();
         let args: Vec<&str> = changes.iter().flat_map(|one| ["--set", one]).collect();
         let vehicle = Sim::start_at(&dir.path().join("vehicle"), &args);
         let tap = tap(&dir, &["--plan"]);
@@ -807,7 +822,20 @@ fn what_was_changed_is_found_through_pseudo_terminals_in_real_time() {
             env!("CARGO_MANIFEST_DIR"),
             "/docs/examples/identify.py"
         ));
-        client.args(["--yes", "--only", "questions", "--plan", &path("plan.json")]);
+        let sim = Path::new(command().get_program())
+            .parent()
+            .unwrap()
+            .to_owned();
+        let places = std::env::var_os("PATH").unwrap_or_default();
+        let places = std::iter::once(sim).chain(std::env::split_paths(&places));
+        client.env("PATH", std::env::join_paths(places).unwrap());
+        client.args([
+            "--yes",
+            "--only",
+            "questions",
+            "--config",
+            &path("drive.toml"),
+        ]);
         let driven = client.arg(tap.port()).output().unwrap();
         assert!(driven.status.success(), "{driven:?}");
         let printed = tap.stop().expect_clean().out;

@@ -52,7 +52,8 @@ pub(crate) fn compare(devices: Devices, args: &CompareArgs) -> Result<Exit, Fail
 /// The `fit` subcommand.
 pub(crate) fn fit(devices: Devices, args: &FitArgs) -> Result<Exit, Failure> {
     if args.plan {
-        return print(&plan::show(devices, &args.device, args.json)?);
+        let settings = config::load(devices, &args.settings)?;
+        return print(&plan::show(devices, &args.device, &settings, args.json)?);
     }
     let output = args
         .output

@@ -145,9 +145,14 @@ pub(super) fn of_device(
 }
 
 /// The whole drive, for people or as JSON.
-pub(super) fn show(devices: Devices, kind: &str, as_json: bool) -> Result<String, Failure> {
+pub(super) fn show(
+    devices: Devices,
+    kind: &str,
+    settings: &SimSettings,
+    as_json: bool,
+) -> Result<String, Failure> {
     let device = devices.iter().copied().find(|device| device.id == kind);
-    let all = of_device(device, kind, &SimSettings::new(devices))?;
+    let all = of_device(device, kind, settings)?;
     if as_json {
         return serde_json::to_string(&all).map_err(Failure::system);
     }

@@ -65,6 +65,7 @@ def main():
     parser.add_argument("--device", choices=DEVICES, default="r150")
     parser.add_argument("--only", default="", metavar="NAME")
     parser.add_argument("--yes", action="store_true")
+    parser.add_argument("--config", help="a file of settings for `sim fit --plan`, such as of a byte order")
     parser.add_argument("--plan", help="a file with the output of `sim fit --plan --json`")
     args = parser.parse_args()
     if None in args.port:
@@ -74,6 +75,7 @@ def main():
             plan = json.load(file)
     else:
         command = ["sim", "fit", "--plan", "--json", "--device", args.device]
+        command += ["--config", args.config] if args.config else []
         try:
             plan = json.loads(subprocess.check_output(command))
         except (OSError, subprocess.CalledProcessError) as error:
