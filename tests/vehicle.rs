@@ -617,6 +617,16 @@ fn what_differs_is_found_and_explains_the_vehicle() {
     let little = folder.sim(&["compare", "stalls.jsonl", "--only", "r150.over_rate"]);
     assert_eq!(little.code(), Some(3), "{}{}", little.out, little.err);
     assert!(little.out.contains("too little is left for a verdict"));
+    let fit = ["fit", "stalls.jsonl", "--only", "r150.over_rate"];
+    let little = folder.sim(&[&fit[..], &["--output", "little.toml"]].concat());
+    assert_eq!(little.code(), Some(3), "{}{}", little.out, little.err);
+    assert!(little.out.contains("too little is left for a verdict"));
+    assert!(
+        little.out.ends_with("(nothing is written)\n"),
+        "{}",
+        little.out
+    );
+    assert!(!folder.file("little.toml").exists());
     // Each part of --only has to be one.
     let refused = folder.sim(&["compare", trace, "--only", "r150.reply, r150.nosuch"]);
     refused.expect_refusal(2, &["--only", "`r150.nosuch`"]);
@@ -848,13 +858,15 @@ fn what_was_changed_is_found_through_pseudo_terminals_in_real_time() {
         vehicle.stop().expect_clean();
         let (trace, output) = (path("drive.jsonl"), path("vehicle.toml"));
         let fit = ["fit", &trace, "--only", TOLD, "--output", &output, "--json"];
-        let fitted = run(&fit).expect_clean().out;
-        let report: Value = serde_json::from_str(&fitted).unwrap();
+        let fitted = run(&fit);
+        let report: Value = serde_json::from_str(&fitted.out).unwrap();
         let used = report["used"].as_f64().unwrap();
         shares.push(used);
         if used < 0.5 {
+            assert_eq!(fitted.code(), Some(3), "{}", fitted.err);
             continue;
         }
+        fitted.expect_clean();
         let toml = std::fs::read_to_string(output).unwrap();
         let written = toml.lines().filter(|line| line.starts_with("r150."));
         let keys: Vec<&str> = written

@@ -136,7 +136,13 @@ Examples:
   sim fit drive.jsonl --output vehicle.toml
       Find the settings by which the model does what was recorded.
   sim --pty /tmp/r150 --config vehicle.toml
-      Serve an R150 with them.";
+      Serve an R150 with them.
+
+Exit codes:
+  0  done
+  2  usage or configuration: a flag or a file is wrong
+  3  too little is left of the recording, since the machine stalled: nothing is written; or the
+     system refused something, such as writing the file";
 
 /// Search for the settings of a recorded vehicle.
 #[derive(Debug, Args)]

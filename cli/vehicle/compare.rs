@@ -9,7 +9,7 @@ use rigsim_settings::parse_quantity;
 use super::knob::Knob;
 use super::recording::Recording;
 use super::report::{MARK, Report};
-use super::search::{ENOUGH, Findings, Search};
+use super::search::{Findings, Search};
 use super::{page, plan, poses};
 use crate::args::{CompareArgs, FitArgs, PosesArgs, SettingsArgs};
 use crate::config;
@@ -43,7 +43,7 @@ pub(crate) fn compare(devices: Devices, args: &CompareArgs) -> Result<Exit, Fail
         false => report.text(),
     })?;
     Ok(match report.is_as_documented {
-        _ if report.used < ENOUGH => Exit::System,
+        _ if !report.is_enough() => Exit::System,
         true => Exit::Clean,
         false => Exit::Failed,
     })
@@ -63,10 +63,16 @@ pub(crate) fn fit(devices: Devices, args: &FitArgs) -> Result<Exit, Failure> {
     let recordings = read(devices, &args.traces, &args.poses, &args.settings)?;
     let (search, findings) = search(devices, &recordings, &args.settings, &args.only)?;
     let report = Report::of(&search, &findings);
-    output.write(&report.toml(&config::load_file(devices, &args.settings)?))?;
+    if report.is_enough() {
+        output.write(&report.toml(&config::load_file(devices, &args.settings)?))?;
+    }
     print(&match args.json {
         true => serde_json::to_string_pretty(&report).map_err(Failure::system)?,
         false => report.fit_text(),
+    })?;
+    Ok(match report.is_enough() {
+        true => Exit::Clean,
+        false => Exit::System,
     })
 }
 

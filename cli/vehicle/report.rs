@@ -142,6 +142,11 @@ impl Report {
         }
     }
 
+    /// Returns whether enough of the recording takes part for a verdict.
+    pub(super) fn is_enough(&self) -> bool {
+        self.used >= ENOUGH
+    }
+
     fn with(&self, verdict: Verdict) -> impl Iterator<Item = &SettingRow> {
         self.settings
             .iter()
@@ -219,12 +224,12 @@ impl Report {
     /// Warning at the top if little of the recording takes part.
     fn warning(&self) -> String {
         let left_out = (1.0 - self.used) * 100.0;
-        match self.used < ENOUGH {
-            true => format!(
+        match self.is_enough() {
+            false => format!(
                 "WARNING: {left_out:.0} % was left out, since the recording machine stalled: too little is left for \
                  a verdict. Record again on a machine that does nothing else.\n\n"
             ),
-            false => String::new(),
+            true => String::new(),
         }
     }
 
@@ -290,6 +295,7 @@ impl Report {
     pub(super) fn fit_text(&self) -> String {
         let mut found = self.settings.iter().filter(|row| row.found.is_some());
         let result = match (found.clone().next(), found.any(|row| row.written)) {
+            _ if !self.is_enough() => "nothing is written",
             (None, _) if !self.unexplained.is_empty() => "no setting explains what differs",
             (None, _) => "nothing to change",
             (_, true) => "better",
