@@ -38,12 +38,21 @@ pub(super) fn manoeuvres(
     device: &DeviceSpec,
     device_settings: &dyn DeviceSettings,
 ) -> Result<Vec<Manoeuvre>, String> {
+    parts("manoeuvre", device, device_settings)
+}
+
+/// What of the plan stands under this key: manoeuvres, or what only a hand can do.
+pub(super) fn parts(
+    key: &str,
+    device: &DeviceSpec,
+    device_settings: &dyn DeviceSettings,
+) -> Result<Vec<Manoeuvre>, String> {
     let source = Source {
         file: "the plan",
         text: device.host.plan,
     };
     let table = DeTable::parse(source.text).map_err(|error| source.syntax(&error).to_string())?;
-    let all = table.get_ref().get("manoeuvre");
+    let all = table.get_ref().get(key);
     let all = all.into_iter().flat_map(|all| all.get_ref().as_array());
     all.flatten()
         .map(|one| manoeuvre(one, device, device_settings))
@@ -176,7 +185,7 @@ pub(super) fn show(
 /// Text that names the manoeuvre that a setting acts on.
 pub(super) fn touching(device: &DeviceSpec, key: &str) -> String {
     let settings = (device.settings)();
-    let all = manoeuvres(device, &*settings).unwrap_or_default();
+    let parts = |key| parts(key, device, &*settings).unwrap_or_default();
     let within_device = key
         .strip_prefix(device.id)
         .map_or(key, |rest| rest.trim_start_matches('.'));
@@ -186,11 +195,15 @@ pub(super) fn touching(device: &DeviceSpec, key: &str) -> String {
                 .strip_prefix(touched.as_str())
                 .is_some_and(|rest| rest.starts_with('.'))
     };
-    match all.iter().find(|one| one.touches.iter().any(tells)) {
-        Some(one) => format!(
-            "the manoeuvre \"{}\" of `sim fit --plan` touches it",
-            one.name
-        ),
-        None => "no manoeuvre of `sim fit --plan` touches it".to_owned(),
+    let find = |key| {
+        let mut all = parts(key).into_iter();
+        all.find(|one| one.touches.iter().any(tells))
+    };
+    if let Some(Manoeuvre { name, .. }) = find("manoeuvre") {
+        return format!("the manoeuvre \"{name}\" of `sim fit --plan` touches it");
     }
+    let by_hand = find("by_hand")
+        .map(|one| format!("; by hand, which the model does not follow: {}", one.name));
+    let by_hand = by_hand.unwrap_or_default();
+    format!("no manoeuvre of `sim fit --plan` touches it{by_hand}")
 }

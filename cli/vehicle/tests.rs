@@ -9,7 +9,8 @@ use rigsim_runner::trace::{Hexed, PortRecord, Record, Replay};
 use rigsim_settings::{ClientLine, Settings as _, SimTime, parse_assignment};
 
 use super::knob::Knob;
-use super::plan::manoeuvres;
+use super::page::page;
+use super::plan::{manoeuvres, parts, touching};
 use super::recording::Recording;
 use super::report::Report;
 use super::search::{Findings, Search, Verdict};
@@ -454,7 +455,9 @@ fn every_manoeuvre_of_every_plan_can_be_read_and_names_settings() {
             .into_iter()
             .map(|entry| entry.key)
             .collect();
-        for touched in all.iter().flat_map(|one| &one.touches) {
+        let by_hand = parts("by_hand", device, settings.of_device(device).unwrap()).unwrap();
+        assert!(by_hand.iter().all(|one| !one.name.is_empty()));
+        for touched in all.iter().chain(&by_hand).flat_map(|one| &one.touches) {
             let key = format!("{}.{touched}", device.id);
             let group = format!("{key}.");
             let is_known = known
@@ -471,6 +474,32 @@ fn every_manoeuvre_of_every_plan_can_be_read_and_names_settings() {
             .flat_map(|one| &one.frames)
             .map(|frame| frame.wait_ms);
         assert!(times.sum::<u64>() < 300_000);
+    }
+    for (key, words) in [
+        (
+            "r150.tyre.wheel_radius",
+            "the manoeuvre \"turns on the spot and with one side\" of",
+        ),
+        ("r150.baud", "the manoeuvre \"too many commands\" of"),
+        (
+            "r150.protection.limit_5v",
+            "model does not follow: load an output",
+        ),
+        (
+            "r150.protection.undervoltage",
+            "model does not follow: drive until the battery",
+        ),
+        (
+            "world.uphill",
+            "no manoeuvre of `sim fit --plan` touches it",
+        ),
+    ] {
+        let device = SHIPPED.iter().find(|device| device.id == "r150").unwrap();
+        assert!(
+            touching(device, key).contains(words),
+            "{key}: {}",
+            touching(device, key)
+        );
     }
     assert!(Path::new("docs/examples/identify.py").exists());
 }
