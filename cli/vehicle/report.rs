@@ -57,7 +57,7 @@ pub(super) struct HeldOut {
 }
 
 /// Of two values, the first is the vehicle's, the second the model's.
-#[derive(Serialize)]
+#[derive(Serialize, Default)]
 pub(super) struct CommandRow {
     name: String,
     asked: usize,
@@ -66,6 +66,10 @@ pub(super) struct CommandRow {
     ms: [[f64; 2]; 2],
     /// Bytes of replies.
     lengths: [BTreeSet<usize>; 2],
+    /// Replies to the same request that are of another message, command or length.
+    other_form: usize,
+    /// Replies that came before the one to an earlier request.
+    out_of_order: [usize; 2],
 }
 
 #[derive(Serialize, Default)]
@@ -171,9 +175,17 @@ impl Report {
             let lengths = row.lengths.each_ref().map(|all| format!("{all:?}"));
             let different = if lengths[0] == lengths[1] { 1 } else { 2 };
             let [vehicle, model] = row.answered;
+            let form = match row.other_form {
+                0 => String::new(),
+                count => format!("; {count} of another form"),
+            };
+            let order = match row.out_of_order {
+                [0, 0] => String::new(),
+                [vehicle, model] => format!("; out of order {vehicle} / {model}"),
+            };
             let _ = writeln!(
                 text,
-                "{:26} {asked}{vehicle:8} {model:6}{times}   {}",
+                "{:26} {asked}{vehicle:8} {model:6}{times}   {}{form}{order}",
                 row.name,
                 lengths[..different].join(" / "),
             );
@@ -462,23 +474,34 @@ fn all<'a>(
 }
 
 fn commands(search: &Search<'_>, model: &Model) -> Vec<CommandRow> {
-    let mut rows: BTreeMap<&str, (usize, [Vec<&Reply>; 2])> = BTreeMap::new();
+    let mut rows: BTreeMap<&str, (CommandRow, [Vec<f64>; 2])> = BTreeMap::new();
+    // The last reply of each side so far, and in which recording.
+    let mut last = [(0, 0); 2];
+    let chatters = search.recordings[0].device.host.chatters;
     for ((at, slot), asked, seen) in all(search).filter(|(_, slot, _)| !slot.is_pose()) {
-        let (count, [by_vehicle, by_model]) = rows.entry(&asked.name).or_default();
-        *count += 1;
-        by_vehicle.extend(seen);
-        by_model.extend(model.reply(at, slot));
+        let (row, times) = rows.entry(&asked.name).or_default();
+        row.asked += 1;
+        let replies = [seen, model.reply(at, slot)];
+        if let [Some(seen), Some(model)] = replies {
+            row.other_form += usize::from(seen.form != model.form);
+        }
+        for (side, reply) in replies.into_iter().enumerate() {
+            let Some(reply) = reply else { continue };
+            row.answered[side] += 1;
+            row.lengths[side].insert(reply.bytes.len());
+            times[side].push(reply.values[0]);
+            let came = (at, reply.at);
+            row.out_of_order[side] += usize::from(came < last[side] && !chatters);
+            last[side] = last[side].max(came);
+        }
     }
-    let row = |(name, (asked, replies)): (&str, (usize, [Vec<&Reply>; 2]))| CommandRow {
+    let row = |(name, (row, times)): (&str, (CommandRow, [Vec<f64>; 2]))| CommandRow {
         name: name.to_owned(),
-        asked,
-        answered: replies.each_ref().map(Vec::len),
-        ms: replies.each_ref().map(|all| {
-            let mut all: Vec<f64> = all.iter().map(|reply| reply.values[0]).collect();
+        ms: times.map(|mut all| {
             all.sort_by(f64::total_cmp);
             [50, 99].map(|part| all.get(all.len() * part / 100).copied().unwrap_or(0.0))
         }),
-        lengths: replies.map(|all| all.iter().map(|reply| reply.bytes.len()).collect()),
+        ..row
     };
     rows.into_iter().map(row).collect()
 }

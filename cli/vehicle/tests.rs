@@ -12,7 +12,7 @@ use super::knob::Knob;
 use super::page::page;
 use super::plan::{manoeuvres, parts, touching};
 use super::recording::Recording;
-use super::report::Report;
+use super::report::{FieldRow, Report};
 use super::search::{Findings, Search, Verdict};
 use super::{header, plan_of};
 
@@ -273,11 +273,62 @@ fn missing_replies_are_unexplained_where_hardly_two_requests_are_the_same() {
         *seen = seen.take().filter(|_| *count > 2);
     }
     let (search, findings) = search(&recordings, &["r150.version_order"]);
-    let report = Report::of(&search, &findings);
+    let mut report = Report::of(&search, &findings);
     let [one] = &*report.unexplained else {
         panic!("{}", report.text());
     };
     assert!(one.starts_with("set_motors: "), "{one}");
+    // What moves in the model only has a plot, too.
+    let field = |name: &str, model| FieldRow {
+        name: name.to_owned(),
+        range: [2.0, 2.0],
+        rms: model - 2.0,
+        series: vec![[0.0, 2.0, 2.0], [1.0, 2.0, model]],
+        ..FieldRow::default()
+    };
+    report.fields = vec![field("moves", 3.0), field("stands", 2.0)];
+    let captions = page(&report).matches("<figcaption>moves").count();
+    assert_eq!(
+        (captions, page(&report).matches("<figure>").count()),
+        (1, 1)
+    );
+}
+
+#[test]
+fn replies_of_another_form_and_order_are_counted_by_command() {
+    let mut recordings = [drive(&["questions"], &with(&[]), 35)];
+    let Recording { slots, seen, .. } = &mut recordings[0];
+    let place = |name: &str| slots.iter().position(|slot| slot.name == name).unwrap();
+    let [version, heartbeat] = ["version", "heartbeat"].map(place);
+    seen[version].as_mut().unwrap().form.2 += 1;
+    let before = seen[heartbeat - 1].as_ref().unwrap().at;
+    seen[heartbeat].as_mut().unwrap().at = before - 1;
+    let (search, findings) = search(&recordings, &["r150.version_order"]);
+    let report = Report::of(&search, &findings);
+    let (text, json) = (report.text(), serde_json::to_value(&report).unwrap());
+    let rows = json["commands"].as_array().unwrap();
+    assert_eq!(rows.len(), 5, "{json:#}");
+    for row in rows {
+        let name = row["name"].as_str().unwrap();
+        let is = |other| u8::from(name == other);
+        assert_eq!(row["other_form"], is("version"), "{row}");
+        assert_eq!(
+            row["out_of_order"],
+            serde_json::json!([is("heartbeat"), 0]),
+            "{row}"
+        );
+        let line = text.lines().find(|line| line.starts_with(name)).unwrap();
+        assert_eq!(
+            line.contains("; 1 of another form"),
+            name == "version",
+            "{line}"
+        );
+        assert_eq!(
+            line.contains("; out of order 1 / 0"),
+            name == "heartbeat",
+            "{line}"
+        );
+    }
 }
 
 #[test]
