@@ -195,11 +195,22 @@ fn no_byte_of_ten_million_is_lost_or_added() {
 
 #[test]
 fn what_a_client_wrote_before_it_left_reaches_the_vehicle() {
+    hang_up(20);
+}
+
+#[test]
+#[ignore = "takes long; it is the same with more"]
+fn no_byte_of_ten_million_of_clients_that_hang_up_is_lost_or_added() {
+    hang_up(5000);
+}
+
+/// Sends 2000 bytes from each of so many clients, which then hang up.
+fn hang_up(clients: u32) {
     let dir = tempfile::tempdir().unwrap();
     let vehicle = Vehicle::start(&dir, Vec::new());
     let tap = tap(&dir, &[]);
-    let mut all = Vec::new();
-    for client in 0..20 {
+    let (mut all, mut left) = (Vec::new(), 0);
+    for client in 0..clients {
         let bytes = noise(2000, client);
         let mut port = None;
         until("the port can be opened", || {
@@ -209,7 +220,7 @@ fn what_a_client_wrote_before_it_left_reaches_the_vehicle() {
         port.unwrap().write_all(&bytes).unwrap();
         assert!(vehicle.receive(2000) == bytes, "client {client}");
         all.extend(bytes);
-        let left = 1 + usize::try_from(client).unwrap();
+        left += 1;
         until("it is noticed that the client has left", || {
             tap.printed().matches("[client_detached]").count() == left
         });
@@ -219,7 +230,7 @@ fn what_a_client_wrote_before_it_left_reaches_the_vehicle() {
     assert!(recorded(&dir, "in") == all);
     let kinds = records(&dir.path().join("drive.jsonl"));
     let count = |kind: &str| kinds.iter().filter(|record| record["kind"] == kind).count();
-    assert_eq!((count("attach"), count("end")), (20, 1));
+    assert_eq!((count("attach"), count("end")), (left, 1));
 }
 
 #[test]
