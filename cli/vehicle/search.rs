@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use indicatif::ProgressBar;
+use rigsim_core::noise::Noise;
 use rigsim_core::settings::SimSettings;
 use rigsim_settings::Settings as _;
 
@@ -19,6 +20,7 @@ use super::recording::{Recording, Reply, Seen};
 
 mod grow;
 mod judge;
+mod linear;
 mod numbers;
 
 /// Plays with different seeds, from which the model's scatter is estimated.
@@ -31,6 +33,8 @@ const MARGIN: f64 = 40.0;
 const TOUCHED: f64 = 25.0;
 /// Changes of a number that are tried, in steps of 20 %: one step, and about a factor of three.
 const STEPS: [f64; 4] = [1.0, -1.0, 5.5, -5.5];
+/// Random change of each number in plays with different seeds, in steps.
+const NEAR: f64 = 0.001;
 /// Share of a recording that has to take part before it contradicts what is documented.
 pub(super) const ENOUGH: f64 = 0.5;
 
@@ -42,8 +46,8 @@ pub(super) struct Search<'a> {
     pub(super) recordings: &'a [Recording],
     pub(super) base: SimSettings,
     pub(super) knobs: Vec<Knob>,
-    /// Settings of the noise; without them, each reply has its mean value.
-    noise: Vec<Knob>,
+    /// All settings of the device.
+    all: Vec<Knob>,
     /// The vehicle's answers.
     vehicle: Vec<Seen>,
     progress: ProgressBar,
@@ -155,13 +159,10 @@ impl<'a> Search<'a> {
     /// Prepares to search among the settings that begin so, and from these.
     pub(super) fn new(recordings: &'a [Recording], base: SimSettings, only: &[String]) -> Self {
         let id = recordings[0].device.id;
-        let mut noise = Knob::all(&base, id, &[]);
-        // Differences between vehicles of one make are not noise.
-        noise.retain(|knob| knob.is_chance && !knob.key.contains("tolerance"));
         Self {
             recordings,
             knobs: Knob::all(&base, id, only),
-            noise,
+            all: Knob::all(&base, id, &[]),
             base,
             vehicle: recordings.iter().map(|one| one.seen.clone()).collect(),
             progress: match std::io::stderr().is_terminal() {
@@ -264,8 +265,11 @@ impl<'a> Search<'a> {
     /// The model with these settings, and its scatter times a factor.
     pub(super) fn model(&self, settings: &SimSettings, scale: f64) -> Result<Model, String> {
         let quiet = self.quiet(settings.clone());
-        let seeds = (0..SEEDS + FRESH as u64).map(|seed| (settings, seed));
-        let jobs: Vec<_> = std::iter::once((&quiet, 0)).chain(seeds).collect();
+        let near = (0..SEEDS + FRESH as u64).map(|seed| self.near(settings, seed));
+        let near: Vec<SimSettings> = near.collect();
+        let jobs: Vec<_> = std::iter::once((&quiet, 0))
+            .chain(near.iter().zip(0..))
+            .collect();
         let mut members = self.play(&jobs, None)?;
         let quiet = members.remove(0);
         let fresh = members.split_off(members.len() - FRESH);
@@ -304,10 +308,26 @@ impl<'a> Search<'a> {
 
     /// The settings without noise.
     fn quiet(&self, mut settings: SimSettings) -> SimSettings {
-        for knob in &self.noise {
+        // Which vehicle it is of its make is no noise.
+        let is_noise = |knob: &&Knob| knob.is_chance && !knob.key.contains("tolerance");
+        for knob in self.all.iter().filter(is_noise) {
             settings = knob.set_number(&settings, 0.0).unwrap_or(settings);
         }
         settings
+    }
+
+    /// The settings with each number a little off, by less than it can ever be known. Tyres slip and stick at
+    /// other times then, which is a scatter of the model, too. Times are limits that clients may keep exactly.
+    fn near(&self, settings: &SimSettings, seed: u64) -> SimSettings {
+        let mut noise = Noise::new(seed, "near");
+        let mut near = settings.clone();
+        let is_time = |knob: &Knob| knob.unit().ends_with('s');
+        let is_smooth = |knob: &&Knob| knob.is_ratio() && !knob.is_chance && !is_time(knob);
+        for knob in self.all.iter().filter(is_smooth) {
+            let off = NEAR * (2.0 * noise.uniform() - 1.0);
+            near = knob.moved(&near, off).unwrap_or(near);
+        }
+        near
     }
 
     /// Cost that a change has to save; higher where a machine may have disturbed some replies.

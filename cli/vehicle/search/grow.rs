@@ -29,15 +29,15 @@ const NEEDED: f64 = 1000.0;
 type Set = Vec<(usize, String)>;
 
 /// Expected saving of a trial if the numbers adapt.
-pub(super) struct Promise<'t> {
-    pub(super) saves: f64,
+struct Promise<'t> {
+    saves: f64,
     /// Fraction of its change.
     part: f64,
     /// Steps of the numbers for the whole change.
     follow: Vec<f64>,
     /// Set if it improves bits, or which replies are there.
     is_form: bool,
-    pub(super) trial: &'t Trial,
+    trial: &'t Trial,
 }
 
 impl Search<'_> {
@@ -54,7 +54,7 @@ impl Search<'_> {
                 vehicle: recordings.iter().map(|one| one.seen.clone()).collect(),
                 base: self.base.clone(),
                 knobs: self.knobs.clone(),
-                noise: self.noise.clone(),
+                all: self.all.clone(),
                 progress: self.progress.clone(),
             };
             let is_explained = beginning.is_explained(&beginning.model(&kept[0], 1.0)?);
@@ -197,38 +197,12 @@ impl Search<'_> {
         trials: &[Trial],
         known: &mut BTreeSet<Set>,
     ) -> Result<Option<Model>, String> {
-        let touching = trials
-            .iter()
-            .filter(|one| one.touches && one.step.is_some());
-        let own = self.numbers(&model.settings);
-        let numbers: BTreeSet<usize> = touching.map(|one| one.knob).chain(own).collect();
-        let numbers = Vec::from_iter(numbers);
-        let slopes = self.slopes(model, &numbers, &mut vec![0.25; numbers.len()])?;
-        let (rest, weights) = self.rest(model, &self.vehicle);
-        let normal = Self::normal(&slopes, &weights, 0.0);
-        let away = numbers.iter().map(|at| {
-            let knob = &self.knobs[*at];
-            let [base, now] = [&self.base, &model.settings].map(|one| knob.number_in(one));
-            knob.steps_between(base, now)
-        });
-        let away = DVector::from_iterator(numbers.len(), away);
-        let rest = rest
-            .iter()
-            .zip(&weights)
-            .map(|(rest, weight)| rest * weight);
-        let right = slopes.tr_mul(&DVector::from_iterator(weights.len(), rest)) + &normal * &away;
-        // All that each set saves, with its numbers at the best.
-        let best = |set: &[usize]| {
-            let part = normal.select_rows(set).select_columns(set).cholesky();
-            let right = right.select_rows(set);
-            let steps = part.map(|part| part.solve(&right));
-            let saves = steps.as_ref().map_or(0.0, |steps| steps.dot(&right));
-            (saves - self.margin() * set.len() as f64, steps)
-        };
-        let mut set: Vec<usize> = (0..numbers.len()).filter(|at| away[*at] != 0.0).collect();
-        let mut saves = best(&set).0;
+        let linear = self.linear(model, trials)?;
+        let best = |set: &[usize]| linear.saves(set) - self.margin() * set.len() as f64;
+        let mut set = linear.own();
+        let mut saves = best(&set);
         // Up to one less, and up to two more, which may hide one another.
-        let count = numbers.len();
+        let count = linear.numbers.len();
         loop {
             let without = (0..=set.len()).map(|left| {
                 let mut set = set.clone();
@@ -250,28 +224,14 @@ impl Search<'_> {
                     with
                 })
             });
-            let others = others.map(|set| (best(&set).0, set));
+            let others = others.map(|set| (best(&set), set));
             let next = others.max_by(|one, other| one.0.total_cmp(&other.0));
             match next.filter(|next| next.0 > saves + 1.0) {
                 Some(next) => (saves, set) = next,
                 None => break,
             }
         }
-        let Some(steps) = best(&set).1 else {
-            return Ok(None);
-        };
-        let mut settings = model.settings.clone();
-        for (at, number) in numbers.iter().enumerate() {
-            let knob = &self.knobs[*number];
-            let steps = set
-                .iter()
-                .position(|one| *one == at)
-                .map_or(0.0, |at| steps[at]);
-            let base = knob.set(&settings, &knob.default_in(&settings));
-            let most = if knob.is_ratio() { 5.0 } else { f64::INFINITY };
-            let moved = base.and_then(|base| knob.moved(&base, steps.clamp(-most, most)));
-            settings = moved.unwrap_or(settings);
-        }
+        let settings = self.with_linear(&linear, &model.settings, &set);
         if !known.insert(self.set(&settings)) {
             return Ok(None);
         }
@@ -298,7 +258,7 @@ impl Search<'_> {
     }
 
     /// The trials that save this much if the numbers adapt, the best first.
-    pub(super) fn promises<'t>(
+    fn promises<'t>(
         &self,
         model: &Model,
         numbers: &[usize],
@@ -380,7 +340,7 @@ impl Search<'_> {
     }
 
     /// The model with the changes of a trial; `None` if they are not allowed.
-    pub(super) fn with(
+    fn with(
         &self,
         model: &Model,
         numbers: &[usize],

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use nalgebra::{DMatrix, DVector};
+use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 
 use super::super::model::{DIFFERENT, cost};
@@ -13,9 +14,11 @@ use super::{ENOUGH, Found, Model, Search, Trial, Verdict};
 const MOST_SWAPS: usize = 8;
 /// Half of a 99 % interval, in standard deviations, including the scatter of the model's plays.
 const WIDE: f64 = 3.0;
-/// Fraction of a setting's saving that another must promise to be tried instead, and how many are tried.
-const AS_MUCH: f64 = 0.5;
-const MOST_INSTEAD: usize = 3;
+/// Changes of another number that are tried instead of a setting, in steps, and how many settings are tried.
+const INSTEAD: [f64; 6] = [-5.5, -2.0, -0.7, 0.7, 2.0, 5.5];
+const MOST_INSTEAD: usize = 2;
+/// Word between two settings that explain together as much as one.
+const WITH: &str = " with ";
 /// Residual of what a setting changes that is allowed, in standard deviations of chance.
 const LEFT: f64 = 4.0;
 /// Fraction of a setting's saving that may be left: a setting that stands in for another leaves more.
@@ -48,10 +51,10 @@ impl Search<'_> {
             };
             let others = self.numbers(&settings);
             let moved = self.moved(model, vec![settings])?;
-            let Some(without) = moved.into_iter().next() else {
+            let Some(plain) = moved.into_iter().next() else {
                 break;
             };
-            let without = self.polish(without, &others)?;
+            let without = self.polish(plain.clone(), &others)?;
             let saves = self.gain(&without, model);
             if saves < self.margin() {
                 found.clear();
@@ -61,30 +64,25 @@ impl Search<'_> {
             let mut or = Vec::new();
             let mut better: Option<Model> = None;
             let literal = knob.literal_in(&model.settings);
-            let trials = trials.iter().filter(|trial| {
-                (trial.knob != taken_back || trial.step.is_none()) && trial.literal != literal
-            });
-            let mut instead = self.promises(&without, &others, trials, AS_MUCH * saves)?;
-            let mut knobs = BTreeSet::new();
-            instead.retain(|one| {
-                !others.contains(&one.trial.knob)
-                    && (knobs.insert(one.trial.knob) || one.trial.knob == taken_back)
-            });
-            for promise in instead.into_iter().take(MOST_INSTEAD) {
-                let trial = promise.trial;
-                let Some(tried) = self.with(&without, &others, &promise)? else {
-                    continue;
-                };
+            for (other, tried) in self.instead(&plain, taken_back, &literal, trials)? {
                 let numbers = self.numbers(&tried.settings);
                 let tried = self.polish(tried, &numbers)?;
                 let more = self.gain(model, &tried);
                 if more > self.margin() && swaps > 0 {
                     better = Some(tried);
                 } else if self.gain(&tried, model) < self.margin() {
-                    or.push(match trial.knob == taken_back {
-                        true => format!("{}={}", knob.key, trial.literal),
-                        false => self.knobs[trial.knob].name(),
+                    or.push(match other == taken_back {
+                        true => format!("{}={}", knob.key, knob.literal_in(&tried.settings)),
+                        false => self.knobs[other].name(),
                     });
+                }
+            }
+            if let Some((names, tried)) = self.two_instead(model, taken_back, trials)? {
+                let more = self.gain(model, &tried);
+                if more > 2.0 * self.margin() && swaps > 0 {
+                    better = Some(tried);
+                } else if more > -self.margin() {
+                    or.push(names.join(WITH));
                 }
             }
             if let Some(better) = better {
@@ -104,6 +102,81 @@ impl Search<'_> {
             });
         }
         Ok(found)
+    }
+
+    /// Models with another setting instead of the removed one, the best first. The other numbers stay where they
+    /// are: without the removed one, their best values are far off.
+    fn instead(
+        &self,
+        without: &Model,
+        taken_back: usize,
+        literal: &str,
+        trials: &[Trial],
+    ) -> Result<Vec<(usize, Model)>, String> {
+        let changed = self.changed(&without.settings);
+        let touching = trials.iter().filter(|one| one.touches).map(|one| one.knob);
+        let others: BTreeSet<usize> = touching.filter(|at| !changed.contains(at)).collect();
+        let mut best: Vec<(f64, usize, Model)> = Vec::new();
+        for at in others {
+            let knob = &self.knobs[at];
+            let numbers = INSTEAD
+                .iter()
+                .filter(|_| knob.choices.is_empty() && at != taken_back);
+            let mut all: Vec<SimSettings> = numbers
+                .filter_map(|steps| knob.moved(&without.settings, *steps))
+                .collect();
+            let now = knob.literal_in(&without.settings);
+            let is_other = |one: &&String| **one != now && (at != taken_back || *one != literal);
+            let choices = knob.choices.iter().filter(is_other);
+            all.extend(choices.filter_map(|one| knob.set(&without.settings, one)));
+            let tried = self.moved(without, all)?.into_iter();
+            let tried = tried.map(|next| (self.cost(&next, false), at, next));
+            best.extend(tried.min_by(|one, other| one.0.total_cmp(&other.0)));
+        }
+        let most = self.cost(without, false) - self.margin();
+        best.retain(|(cost, ..)| *cost < most);
+        best.sort_by(|one, other| one.0.total_cmp(&other.0));
+        best.truncate(MOST_INSTEAD);
+        Ok(best.into_iter().map(|(_, at, model)| (at, model)).collect())
+    }
+
+    /// Two numbers that by first order save at least half of what one that was found saves, and the model with
+    /// them instead.
+    fn two_instead(
+        &self,
+        model: &Model,
+        taken_back: usize,
+        trials: &[Trial],
+    ) -> Result<Option<([String; 2], Model)>, String> {
+        if !self.knobs[taken_back].choices.is_empty() {
+            return Ok(None);
+        }
+        let linear = self.linear(model, trials)?;
+        let mut own = linear.own();
+        let whole = linear.saves(&own);
+        own.retain(|at| linear.numbers[*at] != taken_back);
+        let least = whole.midpoint(linear.saves(&own));
+        let changed = self.changed(&model.settings);
+        let others = 0..linear.numbers.len();
+        let others = others.filter(|at| !changed.contains(&linear.numbers[*at]));
+        let others: Vec<usize> = others.collect();
+        let pairs = others.iter().flat_map(|one| {
+            let behind = others.iter().filter(move |other| *other > one);
+            behind.map(move |other| [*one, *other])
+        });
+        let sets = pairs.map(|pair| ([&own[..], &pair].concat(), pair));
+        let sets = sets.map(|(set, pair)| (linear.saves(&set), set, pair));
+        let best = sets.max_by(|one, other| one.0.total_cmp(&other.0));
+        let Some((_, set, pair)) = best.filter(|best| best.0 > least) else {
+            return Ok(None);
+        };
+        let settings = self.with_linear(&linear, &model.settings, &set);
+        let Some(tried) = self.moved(model, vec![settings])?.into_iter().next() else {
+            return Ok(None);
+        };
+        let numbers = self.numbers(&tried.settings);
+        let names = pair.map(|at| self.knobs[linear.numbers[at]].name());
+        Ok(Some((names, self.polish(tried, &numbers)?)))
     }
 
     /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
@@ -172,10 +245,7 @@ impl Search<'_> {
             let value = knob.number_in(&model.settings);
             // It may show only in which replies are there, or be hidden by the machine's delays.
             if slopes.column(at).amax() < 4.0 || variance > 0.1 {
-                let ends = self.ends(model, knob)?;
-                let wider = [-0.125, 0.125].map(|steps| move |end| knob.beyond(end, steps));
-                let [low, high] = ends;
-                one.number = Some((value, [low.map(&wider[0]), high.map(&wider[1])]));
+                one.number = Some((value, self.ends(model, knob)?));
                 continue;
             }
             // What is left may be due to another change, and its effect as that of this one; chance hides some.
@@ -199,7 +269,7 @@ impl Search<'_> {
             if let Some(one) = found.iter().find(|one| one.knob == at) {
                 let before = knob.number_in(&self.base);
                 let is_outside = one.number.is_none_or(|(_, [low, high])| {
-                    low.is_some_and(|low| before < low) || high.is_some_and(|high| before > high)
+                    low.is_some_and(|low| before <= low) || high.is_some_and(|high| before >= high)
                 });
                 let is_enough = enough || matches!(knob.basis, Basis::Assumed(_));
                 let [left, by_chance] = one.left;
@@ -217,7 +287,10 @@ impl Search<'_> {
                 let change = [&**trial.from, &trial.to];
                 self.saved(model, change, 1.0) < -self.margin()
             };
-            let doubted = found.iter().any(|one| one.or.contains(&knob.name()));
+            let doubted = found
+                .iter()
+                .flat_map(|one| &one.or)
+                .any(|or| or.split(WITH).any(|one| one == knob.name()));
             match tried().all(excluded) && !doubted {
                 true => Verdict::Supported,
                 false => Verdict::NotDecided,

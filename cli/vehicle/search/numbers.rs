@@ -9,7 +9,7 @@ use super::super::recording::{Reply, Seen};
 use super::{Model, Play, Search};
 
 /// Most steps in which numbers are improved.
-const MOST_STEPS: usize = 12;
+const MOST_STEPS: usize = 20;
 /// Damping above which a step is too short to be of use.
 const MOST_DAMPING: f64 = 300.0;
 /// Least effect of a change from which a slope is taken, in standard deviations.
@@ -88,12 +88,13 @@ impl Search<'_> {
         let far = (1..=12).map(|power| 1.5 * 1.5_f64.powi(power));
         let far = far.flat_map(|steps| [-steps, steps]);
         let near = (-12..=12).map(|part| f64::from(part) / 8.0);
-        let ladder = self.ladder(model, knob, near.chain(far))?;
-        let value = knob.number_in(&model.settings);
-        let [low, high] = as_good(&ladder).unwrap_or([value; 2]);
-        let [first, last] = [ladder.first(), ladder.last()].map(|end| end.map(|(end, _)| *end));
-        let ends = [(low, first), (high, last)];
-        Ok(ends.map(|(end, bound)| (Some(end) != bound).then_some(end)))
+        let [base, now] = [&self.base, &model.settings].map(|one| knob.number_in(one));
+        let assumed = std::iter::once(knob.steps_between(now, base));
+        let ladder = self.ladder(model, knob, near.chain(far).chain(assumed))?;
+        // What fits ends somewhere before the first value that does not.
+        let ends = as_good(&ladder).map(|[low, high]| [low.checked_sub(1), Some(high + 1)]);
+        let end = |at: Option<usize>| Some(ladder.get(at?)?.0);
+        Ok(ends.unwrap_or_default().map(end))
     }
 
     /// Moves a number to the middle of the values that fit best, wherever they are.
@@ -101,7 +102,8 @@ impl Search<'_> {
         let knob = &self.knobs[at];
         for scale in [2.0, 12.0] {
             let steps = (-10..=10).map(|part| f64::from(part) / scale);
-            let Some([low, high]) = as_good(&self.ladder(&model, knob, steps)?) else {
+            let ladder = self.ladder(&model, knob, steps)?;
+            let Some([low, high]) = as_good(&ladder).map(|ends| ends.map(|at| ladder[at].0)) else {
                 break;
             };
             let value = knob.number_in(&model.settings);
@@ -168,7 +170,8 @@ impl Search<'_> {
     /// Improves all numbers together, by the method of Levenberg and Marquardt.
     pub(super) fn polish(&self, mut model: Model, numbers: &[usize]) -> Result<Model, String> {
         let mut damping = 1e-3;
-        let mut widths = vec![0.5; numbers.len()];
+        // Whether these come from slopes.
+        let (mut widths, mut are_known) = (vec![0.5; numbers.len()], false);
         let mut before = self.cost(&model, false);
         for _ in 0..if numbers.is_empty() { 0 } else { MOST_STEPS } {
             let slopes = self.slopes(&model, numbers, &mut widths)?;
@@ -195,7 +198,10 @@ impl Search<'_> {
                 (model, before, damping) = (next, cost, damping / 10.0);
             }
             if saved < 2.0 {
-                break;
+                if are_known {
+                    break;
+                }
+                (are_known, damping) = (true, 1e-3);
             }
         }
         Ok(model)
@@ -226,13 +232,13 @@ impl Search<'_> {
     }
 }
 
-/// Ends of the range around the best value in which values save as much.
-fn as_good(ladder: &[(f64, f64)]) -> Option<[f64; 2]> {
+/// Places of the first and the last value around the best that save as much.
+fn as_good(ladder: &[(f64, f64)]) -> Option<[usize; 2]> {
     let saved = ladder.iter().map(|(_, saved)| *saved);
     let most = saved.clone().fold(f64::NEG_INFINITY, f64::max);
     let best = saved.clone().position(|saved| saved == most)?;
     let good = |at: &usize| ladder[*at].1 >= most - AS_GOOD;
     let low = (0..=best).rev().take_while(good).last()?;
     let high = (best..ladder.len()).take_while(good).last()?;
-    Some([ladder[low].0, ladder[high].0])
+    Some([low, high])
 }

@@ -1,0 +1,91 @@
+//! Numbers by first order around a model: what each set of them saves.
+
+use std::collections::BTreeSet;
+
+use nalgebra::{DMatrix, DVector};
+use rigsim_core::settings::SimSettings;
+
+use super::{Model, Search, Trial};
+
+/// What all numbers do around a model.
+pub(super) struct Linear {
+    pub(super) numbers: Vec<usize>,
+    /// Steps of each from its first value.
+    away: DVector<f64>,
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl Linear {
+    /// Places of the numbers that are changed in the model.
+    pub(super) fn own(&self) -> Vec<usize> {
+        let all = 0..self.numbers.len();
+        all.filter(|at| self.away[*at] != 0.0).collect()
+    }
+
+    /// Steps of a set of numbers at its best, from their first values; empty if they are not determined.
+    fn steps(&self, set: &[usize]) -> DVector<f64> {
+        let part = self.normal.select_rows(set).select_columns(set).cholesky();
+        part.map_or_else(DVector::default, |part| {
+            part.solve(&self.right.select_rows(set))
+        })
+    }
+
+    /// Cost that a set of numbers saves at its best.
+    pub(super) fn saves(&self, set: &[usize]) -> f64 {
+        let steps = self.steps(set);
+        let each = steps.iter().zip(set);
+        each.map(|(steps, at)| steps * self.right[*at]).sum()
+    }
+}
+
+impl Search<'_> {
+    /// What the numbers that act do around a model.
+    pub(super) fn linear(&self, model: &Model, trials: &[Trial]) -> Result<Linear, String> {
+        let touching = trials
+            .iter()
+            .filter(|one| one.touches && one.step.is_some());
+        let own = self.numbers(&model.settings);
+        let numbers: BTreeSet<usize> = touching.map(|one| one.knob).chain(own).collect();
+        let numbers = Vec::from_iter(numbers);
+        let slopes = self.slopes(model, &numbers, &mut vec![0.25; numbers.len()])?;
+        let (rest, weights) = self.rest(model, &self.vehicle);
+        let normal = Self::normal(&slopes, &weights, 0.0);
+        let away = numbers.iter().map(|at| {
+            let knob = &self.knobs[*at];
+            let [base, now] = [&self.base, &model.settings].map(|one| knob.number_in(one));
+            knob.steps_between(base, now)
+        });
+        let away = DVector::from_iterator(numbers.len(), away);
+        let rest = DVector::from_vec(rest).component_mul(&DVector::from_vec(weights));
+        let right = slopes.tr_mul(&rest) + &normal * &away;
+        Ok(Linear {
+            numbers,
+            away,
+            normal,
+            right,
+        })
+    }
+
+    /// The settings with the numbers of a set at their best, and the others at their first values.
+    pub(super) fn with_linear(
+        &self,
+        linear: &Linear,
+        settings: &SimSettings,
+        set: &[usize],
+    ) -> SimSettings {
+        let steps = linear.steps(set);
+        let mut settings = settings.clone();
+        for (at, number) in linear.numbers.iter().enumerate() {
+            let knob = &self.knobs[*number];
+            let place = set.iter().position(|one| *one == at);
+            let steps = place.and_then(|place| steps.get(place)).copied();
+            let base = knob.set(&settings, &knob.default_in(&settings));
+            let most = if knob.is_ratio() { 5.0 } else { f64::INFINITY };
+            let steps = steps.unwrap_or_default().clamp(-most, most);
+            let moved = base.and_then(|base| knob.moved(&base, steps));
+            settings = moved.unwrap_or(settings);
+        }
+        settings
+    }
+}
