@@ -102,11 +102,11 @@ impl Hunt<'_> {
 
     /// Returns whether the client has broken a rule.
     fn has_found(&self, key: &str) -> bool {
-        self.state.found.iter().any(|found| found.key == key)
+        self.state.written().any(|found| found.key == key)
     }
 
     /// Returns whether earlier findings explain it, or are enough for this rule.
-    fn is_known(&self, schedule: &[Fault], key: &str) -> bool {
+    pub(super) fn is_known(&self, schedule: &[Fault], key: &str) -> bool {
         let of = ids(schedule);
         let earlier = self.state.written().filter(|found| found.key == key);
         let mut known = self.state.per_rule.get(key).into_iter().flatten();

@@ -12,7 +12,7 @@ use crate::run::{REPORT_MARKS, report_page};
 use crate::visible::{self, lines as readable};
 
 use super::finding::GAVE_UP;
-use super::search::Hunt;
+use super::search::{Hunt, Tried};
 use super::space::{counted, duration};
 
 /// Beginnings of a `hunt.json`, by which a later hunt may replace it.
@@ -147,10 +147,11 @@ fn text_of(hunt: &Hunt<'_>) -> String {
     );
     // Runs without a verdict do not count.
     let excused = random.unavoidable;
-    let others = match excused {
-        0 => String::new(),
-        _ => format!(", {excused} with a failure that is not the client's, the others"),
-    };
+    let mut others = "";
+    if excused > 0 {
+        text += &format!(", {excused} with a failure that is not the client's");
+        others = ", the others";
+    }
     match (
         random.runs - random.without_verdict - excused,
         random.failed,
@@ -205,7 +206,11 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
     let has_several = hunt.job.scenario.rig.devices.len() > 1;
     // The smallest margin of single faults that hit something; none if none did.
     let margin = |kind: usize, moment: usize| {
-        let all = state.tried.iter().filter_map(|tried| {
+        let is_clear = |tried: &&Tried| {
+            let is_pair = tried.planned.cells.len() > 1;
+            !is_pair || !tried.alone.is_empty() || tried.seen.broken.is_empty()
+        };
+        let all = state.tried.iter().filter(is_clear).filter_map(|tried| {
             let mut cells = tried.planned.cells.iter();
             let index = cells.position(|(of, _, at)| (*of, *at) == (kind, moment))?;
             let (seen, hit) = tried.of(index);
@@ -228,8 +233,9 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
         }
         p.about {
             "A number is the margin of a rule that came nearer to being broken than without faults. A run with two "
-            "faults counts for both; if it broke a rule, each was played alone, and that counts. Green without a "
-            "number: no rule came nearer. –: the fault hit nothing. Empty: not tried."
+            "faults counts for both. If it broke a rule in a new way, each was played alone, and that counts; if in a "
+            "known way, the run is left out. Green without a number: no rule came nearer. –: the fault hit nothing. "
+            "Empty: not tried."
         }
         table {
             thead {

@@ -388,7 +388,8 @@ impl Hunt<'_> {
             count.without_hit += u64::from(!seen.hits());
             count.without_verdict += u64::from(seen.error.is_some());
             let (broken, schedule) = (seen.broken.clone(), planned.schedule.clone());
-            let has_alone = planned.cells.len() > 1 && !broken.is_empty();
+            let is_new = |key: &String| !schedule.chunks(1).all(|one| self.is_known(one, key));
+            let has_alone = planned.cells.len() > 1 && broken.keys().any(is_new);
             let each = schedule.chunks(1).filter(|_| has_alone);
             let each = each.map(|one| self.frame.document(one));
             let alone = self.player.play(&each.collect::<Vec<_>>())?;

@@ -31,7 +31,7 @@ pub(super) fn page(report: &Report) -> String {
             }
         }
         div.plots {
-            @for row in report.fields.iter().filter(|row| row.range[0] < row.range[1] || row.rms > 0.0) { (plot(row)) }
+            @for row in report.fields.iter().filter(|row| row.range[0] < row.range[1] || row.rms > 0.0 && row.series.len() > 1) { (plot(row)) }
         }
     };
     report_page("A recording beside the model", &[], &body).into_string()

@@ -437,7 +437,9 @@ fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
         is_whole: knob.is_whole(),
         written: found.is_some_and(|found| {
             let changed = |settings| knob.literal_in(settings) != knob.literal_in(&search.base);
-            found.is_decided(&findings.verdicts) && changed(&findings.written)
+            search.used() >= ENOUGH
+                && found.is_decided(&findings.verdicts)
+                && changed(&findings.written)
         }),
         or: found.map(|found| found.or.clone()).unwrap_or_default(),
         why,

@@ -321,6 +321,10 @@ impl<'a> Search<'a> {
     fn near(&self, settings: &SimSettings, seed: u64) -> SimSettings {
         let mut noise = Noise::new(seed, "near");
         let mut near = settings.clone();
+        // What tables and plots show is the model as it is.
+        if seed == 0 {
+            return near;
+        }
         let is_time = |knob: &Knob| knob.unit().ends_with('s');
         let is_smooth = |knob: &&Knob| knob.is_ratio() && !knob.is_chance && !is_time(knob);
         for knob in self.all.iter().filter(is_smooth) {

@@ -8,6 +8,7 @@ use rigsim_settings::Basis;
 
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
+use super::linear::Linear;
 use super::{ENOUGH, Found, Model, Search, Trial, Verdict};
 
 /// Most changes that are exchanged for others.
@@ -41,6 +42,7 @@ impl Search<'_> {
     pub(super) fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
         let mut found: Vec<Found> = Vec::new();
         let mut swaps = MOST_SWAPS;
+        let mut linear = self.linear(model, trials)?;
         while let Some(taken_back) = (self.changed(&model.settings).into_iter())
             .find(|at| found.iter().all(|one| one.knob != *at))
         {
@@ -59,6 +61,7 @@ impl Search<'_> {
             if saves < self.margin() {
                 found.clear();
                 *model = self.model(&without.settings, 1.0)?;
+                linear = self.linear(model, trials)?;
                 continue;
             }
             let mut or = Vec::new();
@@ -77,7 +80,7 @@ impl Search<'_> {
                     });
                 }
             }
-            if let Some((names, tried)) = self.two_instead(model, taken_back, trials)? {
+            if let Some((names, tried)) = self.two_instead(model, &linear, taken_back)? {
                 let more = self.gain(model, &tried);
                 if more > 2.0 * self.margin() && swaps > 0 {
                     better = Some(tried);
@@ -89,6 +92,7 @@ impl Search<'_> {
                 swaps -= 1;
                 found.clear();
                 *model = self.model(&better.settings, 1.0)?;
+                linear = self.linear(model, trials)?;
                 continue;
             }
             found.push(Found {
@@ -145,13 +149,12 @@ impl Search<'_> {
     fn two_instead(
         &self,
         model: &Model,
+        linear: &Linear,
         taken_back: usize,
-        trials: &[Trial],
     ) -> Result<Option<([String; 2], Model)>, String> {
         if !self.knobs[taken_back].choices.is_empty() {
             return Ok(None);
         }
-        let linear = self.linear(model, trials)?;
         let mut own = linear.own();
         let whole = linear.saves(&own);
         own.retain(|at| linear.numbers[*at] != taken_back);
@@ -170,7 +173,7 @@ impl Search<'_> {
         let Some((_, set, pair)) = best.filter(|best| best.0 > least) else {
             return Ok(None);
         };
-        let settings = self.with_linear(&linear, &model.settings, &set);
+        let settings = self.with_linear(linear, &model.settings, &set);
         let Some(tried) = self.moved(model, vec![settings])?.into_iter().next() else {
             return Ok(None);
         };
