@@ -501,8 +501,8 @@ fn of_two_faults_in_a_run_those_are_found_that_break_the_rule_alone() {
         let is_pair = kinds.len() == 2;
         // Where both are known to break it, they are not played alone.
         assert!(alone.is_empty() || is_pair && has_broken, "{one}");
-        let is_blamed = alone.is_empty() && is_pair && has_broken;
-        assert!(!is_blamed || !kinds.contains(&"torn-reply".into()), "{one}");
+        let has_doubt = alone.is_empty() && is_pair && has_broken;
+        assert!(!has_doubt || !kinds.contains(&"torn-reply".into()), "{one}");
         guilty += alone.iter().filter(|margin| **margin == 0.0).count();
         for (kind, margin) in kinds
             .iter()
