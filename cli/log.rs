@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 use rigsim_core::SimTime;
 use rigsim_core::event::{Event, Level};
 use serde_json::json;
@@ -73,7 +73,8 @@ pub(crate) struct Log {
 impl Log {
     /// Starts the thread.
     pub(crate) fn start(options: LogOptions, words: Words) -> io::Result<Self> {
-        let (lines, receiver) = crossbeam_channel::bounded(MOST_LINES);
+        // A bounded channel takes the memory of all its places at once.
+        let (lines, receiver) = crossbeam_channel::unbounded();
         let (last, last_receiver) = crossbeam_channel::bounded(1);
         let (ends, ended) = crossbeam_channel::bounded(1);
         let dropped = Arc::new(AtomicU64::new(0));
@@ -122,7 +123,10 @@ impl Log {
 
     fn send(&self, line: Line) {
         let Some(lines) = &self.lines else { return };
-        if let Err(TrySendError::Full(_)) = lines.try_send(line) {
+        if lines.len() < MOST_LINES {
+            // Lines are not read once the output has refused one.
+            let _ = lines.send(line);
+        } else {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
