@@ -15,16 +15,11 @@
 
 mod check;
 mod error;
-mod nearness;
+mod part;
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, LazyLock};
 
-use cel::common::types::{CelBool, CelDouble, DOUBLE_TYPE};
-use cel::common::value::CowVal;
-use cel::context::VariableResolver;
-use cel::parser::{Expression, Parser};
-use cel::{Context, Env, ExecutionError};
+use cel::parser::Parser;
 use rigsim_core::device::names::Getter;
 use rigsim_core::device::{Counters, DeviceSpec, View};
 use rigsim_core::rig::Rig;
@@ -32,21 +27,20 @@ use rigsim_core::rig::Rig;
 pub use check::identifier;
 pub(crate) use check::{CLIENT, Scope};
 pub use error::ExpressionError;
+use part::{NOTHING, Part};
 pub use rigsim_core::device::names::Reading;
 
 /// Longest text of a condition.
 const MOST_TEXT: usize = 2000;
 /// Deepest nesting of a condition.
 const MOST_DEPTH: u16 = 40;
-/// Value of what has none yet, where one has to be said.
-const NOTHING: Reading = Reading::Number(0.0);
 
 /// A checked condition.
 #[derive(Debug, Clone)]
 pub struct Condition {
     /// As it was written.
     pub(crate) text: String,
-    expression: Expression,
+    part: Part,
     names: BTreeMap<String, Origin>,
 }
 
@@ -145,15 +139,15 @@ impl Condition {
             return Err(unsound(why));
         }
         let parser = Parser::new().max_recursion_depth(MOST_DEPTH);
-        let mut expression = parser.parse(text).map_err(|errors| {
+        let expression = parser.parse(text).map_err(|errors| {
             let at = errors.errors.first().map(|error| error.pos.1);
             unreadable(text, usize::try_from(at.unwrap_or_default()).unwrap_or(0))
         })?;
         let mut names = BTreeMap::new();
-        let is_flag = check::is_flag(&mut expression, scope, &mut names).map_err(unsound)?;
+        let (part, is_flag) = check::checked(&expression, scope, &mut names).map_err(unsound)?;
         let condition = Self {
             text: text.to_owned(),
-            expression,
+            part,
             names,
         };
         Ok((condition, is_flag))
@@ -161,8 +155,10 @@ impl Condition {
 
     /// Returns whether all that it speaks of has a value by now: what steps remember has none before.
     pub(crate) fn is_known(&self, situation: &Situation) -> bool {
-        let mut names = self.names.iter();
-        names.all(|(name, origin)| origin.read(name, situation).is_some())
+        self.names.iter().all(|(name, origin)| match origin {
+            Origin::Saved(_) | Origin::Published => origin.read(name, situation).is_some(),
+            Origin::Time | Origin::Device(..) | Origin::Fixed(_) => true,
+        })
     }
 
     /// Returns whether it holds.
@@ -183,27 +179,25 @@ impl Condition {
     /// # Errors
     /// As [`Condition::holds`].
     pub(crate) fn value(&self, situation: &Situation) -> Result<Reading, ExpressionError> {
-        let value = self.value_of(&self.expression, situation);
-        value.map_err(|why| ExpressionError::NoValue {
+        let value = self.part.value(situation);
+        value.ok_or_else(|| ExpressionError::NoValue {
             expression: self.text.clone(),
-            why,
         })
     }
 
-    /// Evaluates a part of it now; or says why it has no value.
-    fn value_of(&self, part: &Expression, situation: &Situation) -> Result<Reading, String> {
-        let resolver = Resolver {
-            names: &self.names,
-            situation,
-        };
-        let mut context = Context::with_env(Arc::clone(&ENVIRONMENT));
-        context.set_variable_resolver(&resolver);
-        let value = cel::Value::resolve_val(part, &context).map_err(|error| error.to_string())?;
-        let flag = value.downcast_ref::<CelBool>();
-        let flag = flag.map(|flag| Reading::Flag(*flag.inner()));
-        let number = || value.downcast_ref::<CelDouble>();
-        flag.or_else(|| number().map(|number| Reading::Number(*number.inner())))
-            .ok_or_else(String::new)
+    /// Returns whether it can be nearer to holding and farther from it: it compares.
+    pub(crate) fn is_gradual(&self) -> bool {
+        self.part.is_gradual()
+    }
+
+    /// Distance from holding, 0 at most; larger is nearer.
+    pub(crate) fn nearness(&self, situation: &Situation) -> f64 {
+        self.margin(situation).min(0.0)
+    }
+
+    /// The distance from changing between true and false, positive where it holds.
+    pub(crate) fn margin(&self, situation: &Situation) -> f64 {
+        self.part.margin(situation)
     }
 
     /// The values of the names in it, as in `truth.speed_mps = 1.2`, which say why it holds or not.
@@ -237,23 +231,6 @@ impl Origin {
                 counters: counters.get(index)?,
             })),
         }
-    }
-}
-
-struct Resolver<'a> {
-    names: &'a BTreeMap<String, Origin>,
-    situation: &'a Situation,
-}
-
-impl VariableResolver for Resolver<'_> {
-    fn resolve<'b>(&'b self, variable: &str) -> Option<CowVal<'b, 'b>> {
-        let origin = self.names.get(variable)?;
-        Some(
-            match origin.read(variable, self.situation).unwrap_or(NOTHING) {
-                Reading::Number(number) => CowVal::owned(CelDouble::from(number)),
-                Reading::Flag(flag) => CowVal::owned(CelBool::from(flag)),
-            },
-        )
     }
 }
 
@@ -299,34 +276,6 @@ fn unreadable(text: &str, at: usize) -> ExpressionError {
 }
 
 const OPERATORS: &str = "it is made of names, numbers, and && || ! == != < <= > >= + - * / ?: ( )";
-
-/// The operators, and our functions.
-static ENVIRONMENT: LazyLock<Arc<Env>> = LazyLock::new(|| {
-    let mut environment = Env::default().with_stdlib();
-    let two = || vec![DOUBLE_TYPE, DOUBLE_TYPE];
-    let added = [
-        environment.add_overload("abs", "abs_double", vec![DOUBLE_TYPE], |args| {
-            number(&args, 0).map(|x| CowVal::owned(CelDouble::from(x.abs())))
-        }),
-        environment.add_overload("min", "min_double", two(), |args| {
-            let (a, b) = (number(&args, 0)?, number(&args, 1)?);
-            Ok(CowVal::owned(CelDouble::from(a.min(b))))
-        }),
-        environment.add_overload("max", "max_double", two(), |args| {
-            let (a, b) = (number(&args, 0)?, number(&args, 1)?);
-            Ok(CowVal::owned(CelDouble::from(a.max(b))))
-        }),
-    ];
-    debug_assert!(added.iter().all(Result::is_ok), "these names are ours");
-    Arc::new(environment)
-});
-
-fn number(args: &[CowVal<'_, '_>], index: usize) -> Result<f64, ExecutionError> {
-    args.get(index)
-        .and_then(|value| value.downcast_ref::<CelDouble>())
-        .map(|number| *number.inner())
-        .ok_or(ExecutionError::MissingArgumentOrTarget)
-}
 
 #[cfg(test)]
 mod tests;

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use cel::common::ast::{CallExpr, Expr, IdedExpr, LiteralValue, operators};
-use cel::common::types::CelDouble;
 use rigsim_core::device::NameInfo;
 use rigsim_core::device::names::Unit;
 use rigsim_settings::{nearest, or_allowed};
 
+use super::part::{Part, Sign};
 use super::{Devices, Origin, Reading, Saved};
 use crate::renamed::{self, Kind};
 
@@ -32,8 +32,32 @@ impl Type {
     }
 }
 
-/// The functions: name and how many numbers each takes.
-const FUNCTIONS: [(&str, usize); 3] = [("abs", 1), ("min", 2), ("max", 2)];
+enum Function {
+    One(fn(f64) -> f64),
+    Two(fn(f64, f64) -> f64),
+}
+
+/// What makes a number of one or two.
+const FUNCTIONS: [(&str, Function); 8] = [
+    ("abs", Function::One(f64::abs)),
+    ("min", Function::Two(f64::min)),
+    ("max", Function::Two(f64::max)),
+    (operators::NEGATE, Function::One(|x| -x)),
+    (operators::ADD, Function::Two(|x, y| x + y)),
+    (operators::SUBSTRACT, Function::Two(|x, y| x - y)),
+    (operators::MULTIPLY, Function::Two(|x, y| x * y)),
+    (operators::DIVIDE, Function::Two(|x, y| x / y)),
+];
+
+/// What compares.
+const SIGNS: [(&str, Sign); 6] = [
+    (operators::LESS, Sign::Less),
+    (operators::LESS_EQUALS, Sign::LessOrEqual),
+    (operators::GREATER, Sign::Greater),
+    (operators::GREATER_EQUALS, Sign::GreaterOrEqual),
+    (operators::EQUALS, Sign::Equal),
+    (operators::NOT_EQUALS, Sign::NotEqual),
+];
 
 /// Names and their meanings.
 #[derive(Debug, Clone, Copy)]
@@ -48,32 +72,33 @@ pub(crate) struct Scope<'a> {
     pub parameters: &'a BTreeMap<String, Reading>,
 }
 
-/// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean;
-/// says whether it is true or false.
-pub(super) fn is_flag(
-    expression: &mut IdedExpr,
+/// Checks an expression, and notes what its names mean; says whether it is true or false.
+pub(super) fn checked(
+    expression: &IdedExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
-) -> Result<bool, String> {
-    type_of(expression, scope, found).map(|own| own == Type::Flag)
+) -> Result<(Part, bool), String> {
+    let (part, own) = typed(expression, scope, found)?;
+    Ok((part, own == Type::Flag))
 }
 
-fn type_of(
-    expression: &mut IdedExpr,
+fn typed(
+    expression: &IdedExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
-) -> Result<Type, String> {
+) -> Result<(Part, Type), String> {
     if let Some(name) = qualified_name(&expression.expr) {
         let (origin, unit) = scope.look_up(&name)?;
-        found.insert(name, origin);
-        return Ok(match unit {
+        found.insert(name.clone(), origin);
+        let own = match unit {
             Unit::Flag => Type::Flag,
             _ => Type::Number,
-        });
+        };
+        return Ok((Part::Name(name, origin), own));
     }
-    match &mut expression.expr {
-        Expr::Literal(literal) => type_of_literal(literal),
-        Expr::Call(call) => type_of_call(call, scope, found),
+    match &expression.expr {
+        Expr::Literal(literal) => typed_literal(literal),
+        Expr::Call(call) => typed_call(call, scope, found),
         Expr::List(_) | Expr::Map(_) | Expr::Struct(_) => {
             Err("lists, maps and messages have no use here".to_owned())
         }
@@ -85,82 +110,91 @@ fn type_of(
     }
 }
 
-fn type_of_literal(literal: &mut LiteralValue) -> Result<Type, String> {
-    match literal {
-        LiteralValue::Boolean(_) => Ok(Type::Flag),
-        LiteralValue::Double(_) => Ok(Type::Number),
-        LiteralValue::Int(whole) => {
-            #[expect(
-                clippy::cast_precision_loss,
-                reason = "a number of more than 53 bits becomes the nearest decimal number"
-            )]
-            let number = *whole.inner() as f64;
-            *literal = LiteralValue::Double(CelDouble::from(number));
-            Ok(Type::Number)
+fn typed_literal(literal: &LiteralValue) -> Result<(Part, Type), String> {
+    let number = match literal {
+        LiteralValue::Boolean(flag) => {
+            return Ok((Part::Value(Reading::Flag(*flag.inner())), Type::Flag));
         }
-        _ => Err("only numbers, true and false can be written here".to_owned()),
-    }
+        LiteralValue::Double(number) => *number.inner(),
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "a number of more than 53 bits becomes the nearest decimal number"
+        )]
+        LiteralValue::Int(whole) => *whole.inner() as f64,
+        _ => return Err("only numbers, true and false can be written here".to_owned()),
+    };
+    Ok((Part::Value(Reading::Number(number)), Type::Number))
 }
 
-fn type_of_call(
-    call: &mut CallExpr,
+fn typed_call(
+    call: &CallExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
-) -> Result<Type, String> {
-    let name = call.func_name.clone();
+) -> Result<(Part, Type), String> {
+    let name = call.func_name.as_str();
     if call.target.is_some() {
-        return Err(unknown_function(&name));
+        return Err(unknown_function(name));
     }
-    let mut types = Vec::with_capacity(call.args.len());
+    let (mut parts, mut types) = (Vec::new(), Vec::new());
     let mut wrong = Vec::new();
-    for argument in &mut call.args {
-        match type_of(argument, scope, found) {
-            Ok(own) => types.push(own),
+    for argument in &call.args {
+        match typed(argument, scope, found) {
+            Ok((part, own)) => {
+                parts.push(part);
+                types.push(own);
+            }
             Err(why) => wrong.push(why),
         }
     }
     if !wrong.is_empty() {
         return Err(wrong.join("; "));
     }
-    let all = |wanted: Type, gives: Type| match types.iter().find(|got| **got != wanted) {
-        None => Ok(gives),
+    let all = |wanted: Type| match types.iter().find(|got| **got != wanted) {
+        None => Ok(()),
         Some(got) => Err(format!(
             "`{}` wants {}, this is {}",
-            shown(&name),
+            shown(name),
             wanted.word(),
             got.word()
         )),
     };
-    match name.as_str() {
-        operators::LOGICAL_AND | operators::LOGICAL_OR | operators::LOGICAL_NOT => {
-            all(Type::Flag, Type::Flag)
-        }
-        operators::ADD
-        | operators::SUBSTRACT
-        | operators::MULTIPLY
-        | operators::DIVIDE
-        | operators::NEGATE => all(Type::Number, Type::Number),
-        operators::LESS
-        | operators::LESS_EQUALS
-        | operators::GREATER
-        | operators::GREATER_EQUALS => all(Type::Number, Type::Flag),
-        operators::EQUALS | operators::NOT_EQUALS => match types[..] {
-            [left, right] if left == right => Ok(Type::Flag),
-            _ => Err(format!(
-                "`{}` compares a number with true or false",
-                shown(&name)
-            )),
-        },
-        operators::CONDITIONAL => match types[..] {
-            [Type::Flag, yes, no] if yes == no => Ok(yes),
-            _ => Err("`?:` wants a condition and two values of one kind".to_owned()),
-        },
-        _ => match FUNCTIONS.iter().find(|(known, _)| *known == name) {
-            Some((_, count)) if *count == types.len() => all(Type::Number, Type::Number),
-            Some((_, count)) => Err(format!("`{name}` takes {count}, not {}", types.len())),
-            None => Err(unknown_function(&name)),
-        },
+    if let Some((_, function)) = FUNCTIONS.iter().find(|(known, _)| *known == name) {
+        let part = match function {
+            Function::One(function) => Part::One(*function, exactly(name, parts)?),
+            Function::Two(function) => Part::Two(*function, exactly(name, parts)?),
+        };
+        return all(Type::Number).map(|()| (part, Type::Number));
     }
+    if let Some((_, sign)) = SIGNS.iter().find(|(known, _)| *known == name) {
+        match (sign, &types[..]) {
+            (Sign::Equal | Sign::NotEqual, [left, right]) if left == right => {}
+            (Sign::Equal | Sign::NotEqual, _) => {
+                let name = shown(name);
+                return Err(format!("`{name}` compares a number with true or false"));
+            }
+            _ => all(Type::Number)?,
+        }
+        return Ok((Part::Compare(*sign, exactly(name, parts)?), Type::Flag));
+    }
+    let part = match name {
+        operators::CONDITIONAL => match types[..] {
+            [Type::Flag, yes, no] if yes == no => {
+                return Ok((Part::If(exactly(name, parts)?), yes));
+            }
+            _ => return Err("`?:` wants a condition and two values of one kind".to_owned()),
+        },
+        operators::LOGICAL_AND => Part::And(exactly(name, parts)?),
+        operators::LOGICAL_OR => Part::Or(exactly(name, parts)?),
+        operators::LOGICAL_NOT => Part::Not(exactly(name, parts)?),
+        _ => return Err(unknown_function(name)),
+    };
+    all(Type::Flag).map(|()| (part, Type::Flag))
+}
+
+/// The arguments of a function, if it takes so many.
+fn exactly<const COUNT: usize>(name: &str, parts: Vec<Part>) -> Result<Box<[Part; COUNT]>, String> {
+    let parts: Result<Box<[Part; COUNT]>, _> = parts.into_boxed_slice().try_into();
+    parts.map_err(|parts| format!("`{}` takes {COUNT}, not {}", shown(name), parts.len()))
 }
 
 fn unknown_function(name: &str) -> String {

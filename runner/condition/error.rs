@@ -23,12 +23,10 @@ pub enum ExpressionError {
         why: String,
     },
     /// It cannot be evaluated now.
-    #[error("`{expression}` has no value{}{why}", if why.is_empty() { "" } else { ": " })]
+    #[error("`{expression}` has no value: it compares what is not a number, as 0/0")]
     NoValue {
         /// As it was written.
         expression: String,
-        /// Reason; empty if it is not known.
-        why: String,
     },
     /// It is a number where true or false is asked for.
     #[error("`{expression}` is a number, not true or false")]

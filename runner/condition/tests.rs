@@ -1,8 +1,13 @@
 use super::*;
+use proptest::prelude::*;
+use proptest::sample::select;
 use rigsim_core::SHIPPED;
 use rigsim_core::device::names::Unit;
+use rigsim_core::line::Wire;
 use rigsim_core::mecanum::MECANUM_SPEC;
 use rigsim_core::r150::R150_SPEC;
+use rigsim_core::rig::RigSettings;
+use rigsim_physics::{WorldMap, WorldSettings};
 
 /// Devices alone; with one, its name may be left out.
 fn scope<'a>(devices: &'a Devices<'a>) -> Scope<'a> {
@@ -131,4 +136,93 @@ fn an_error_says_which_expression_and_where() {
         matches!(&unsound, ExpressionError::Unsound { expression, .. } if expression == "tank.x > 1"),
         "{unsound:?}"
     );
+}
+
+/// Any expression without names: its text, and whether it is true or false.
+fn any_expression() -> impl Strategy<Value = (String, bool)> {
+    let number = prop_oneof!["[0-9]{1,2}\\.[05]", Just("0.0 / 0.0".to_owned())];
+    let leaf = prop_oneof![
+        number.prop_map(|text| (text, false)),
+        any::<bool>().prop_map(|flag| (flag.to_string(), true)),
+    ];
+    leaf.prop_recursive(6, 40, 3, |part| {
+        let number = part.clone().prop_map(|(text, is_flag)| match is_flag {
+            true => format!("(({text}) ? 1.0 : 2.5)"),
+            false => format!("({text})"),
+        });
+        let flag = part.prop_map(|(text, is_flag)| match is_flag {
+            true => format!("({text})"),
+            false => format!("(({text}) >= 3.0)"),
+        });
+        let (numbers, flags) = (
+            (number.clone(), number.clone()),
+            (flag.clone(), flag.clone()),
+        );
+        prop_oneof![
+            (number.clone(), select(vec!["-", "abs"]))
+                .prop_map(|(x, sign)| (format!("{sign}({x})"), false)),
+            (numbers.clone(), select(vec!["+", "-", "*", "/"]))
+                .prop_map(|((x, y), sign)| (format!("{x} {sign} {y}"), false)),
+            (numbers.clone(), select(vec!["min", "max"]))
+                .prop_map(|((x, y), name)| (format!("{name}({x}, {y})"), false)),
+            (
+                numbers.clone(),
+                select(vec!["<", "<=", ">", ">=", "==", "!="])
+            )
+                .prop_map(|((x, y), sign)| (format!("{x} {sign} {y}"), true)),
+            (flags.clone(), select(vec!["&&", "||", "==", "!="]))
+                .prop_map(|((x, y), sign)| (format!("{x} {sign} {y}"), true)),
+            flag.clone().prop_map(|x| (format!("!{x}"), true)),
+            (flag.clone(), numbers).prop_map(|(x, (y, z))| (format!("{x} ? {y} : {z}"), false)),
+            (flag, flags).prop_map(|(x, (y, z))| (format!("{x} ? {y} : {z}"), true)),
+        ]
+    })
+}
+
+/// What the library makes of an expression.
+fn by_library(text: &str) -> Option<Reading> {
+    let mut context = cel::Context::default();
+    context.add_function("abs", |x: f64| x.abs()).unwrap();
+    context
+        .add_function("min", |x: f64, y: f64| x.min(y))
+        .unwrap();
+    context
+        .add_function("max", |x: f64, y: f64| x.max(y))
+        .unwrap();
+    let program = cel::Program::compile(text).unwrap();
+    match program.execute(&context).ok()? {
+        cel::Value::Bool(flag) => Some(Reading::Flag(flag)),
+        cel::Value::Float(number) => Some(Reading::Number(number)),
+        other => panic!("{text}: {other:?}"),
+    }
+}
+
+/// A run without devices.
+fn nothing() -> Situation {
+    Situation {
+        rig: Rig::new(RigSettings {
+            world: WorldSettings::default(),
+            map: WorldMap::default(),
+            wire: Wire::Bare,
+            seed: 1,
+        }),
+        counters: Vec::new(),
+        saved: Vec::new(),
+        published: BTreeMap::new(),
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_expression_has_the_value_that_cel_says((text, is_flag) in any_expression()) {
+        let nothing = nothing();
+        let (condition, own) = Condition::parse_typed(&text, &scope(&[])).unwrap();
+        prop_assert_eq!(own, is_flag);
+        let (own, library) = (condition.value(&nothing).ok(), by_library(&text));
+        let is_same = match (own, library) {
+            (Some(Reading::Number(own)), Some(Reading::Number(library))) => own.to_bits() == library.to_bits() || own.is_nan() && library.is_nan(),
+            (own, library) => own == library,
+        };
+        prop_assert!(is_same, "{}: {:?}, by the library {:?}", text, own, library);
+    }
 }
