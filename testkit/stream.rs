@@ -115,7 +115,7 @@ pub fn r150(stream: &Stream<'_>) {
     let now = SimTime::from_secs(1);
     alike(
         stream,
-        &*DEVICE,
+        &DEVICE,
         now,
         |device, bytes| device.handle_bytes(now, bytes),
         R150Device::commands,
@@ -127,7 +127,7 @@ pub fn r150(stream: &Stream<'_>) {
 /// as it should be.
 fn alike<D: Firmware + Clone, C: Debug + PartialEq>(
     stream: &Stream<'_>,
-    device: &D,
+    device: &LazyLock<D>,
     now: SimTime,
     mut receive: impl FnMut(&mut D, &[u8]),
     commands: impl Fn(&D) -> C,
@@ -138,7 +138,7 @@ fn alike<D: Firmware + Clone, C: Debug + PartialEq>(
     if !stream.firmware {
         return;
     }
-    let (mut whole, mut split) = (device.clone(), device.clone());
+    let (mut whole, mut split) = (D::clone(device), D::clone(device));
     receive(&mut whole, stream.bytes);
     for (piece, _) in stream.pieces() {
         receive(&mut split, piece);
@@ -183,7 +183,7 @@ fn split_mecanum(stream: &Stream<'_>, link: Link) {
     let now = SimTime::from_nanos(50_000_000);
     alike(
         stream,
-        &*DEVICE,
+        &DEVICE,
         now,
         |device, bytes| device.handle_bytes(now, link, bytes),
         MecanumDevice::commands,
