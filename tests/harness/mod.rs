@@ -32,8 +32,9 @@ use client::Client;
 use process::Process;
 use transcript::Transcript;
 
-/// How long to wait for what must happen before it counts as a failure.
-pub const PATIENCE: Duration = Duration::from_secs(120);
+/// How long to wait for what must happen before it counts as a failure. A fit of a debug build takes a minute of
+/// processor time, and other tests run beside it.
+pub const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Waits until `done`, looking a few hundred times a second.
 pub fn until(what: &str, mut done: impl FnMut() -> bool) {
