@@ -9,7 +9,7 @@ use rigsim_settings::Basis;
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
 use super::linear::Linear;
-use super::{ENOUGH, Found, Model, Search, Trial, Verdict};
+use super::{ENOUGH, Found, Model, Play, Search, Trial, Verdict};
 
 /// Most changes that are exchanged for others.
 const MOST_SWAPS: usize = 8;
@@ -234,17 +234,27 @@ impl Search<'_> {
             slopes.rows(from, count).tr_mul(&left.rows(from, count))
         };
         let pulls: Vec<_> = (0..left.len()).step_by(part).map(pull).collect();
-        let moved = covariance
-            .as_ref()
-            .map(|all| all * DMatrix::from_columns(&pulls));
+        // So do plays of the model with each number a little off. All may pull one way, where the values are so good
+        // only because tyres slip and stick as those of the vehicle.
+        let plays = model.members.iter().skip(1).chain(&model.fresh);
+        let pull_of_play = |seen: &Play| {
+            let (rest, weights) = self.rest(model, seen);
+            slopes.tr_mul(&DVector::from_vec(rest).component_mul(&DVector::from_vec(weights)))
+        };
+        let plays: Vec<_> = plays.map(pull_of_play).collect();
+        let [by_part, by_play] = [pulls, plays].map(|pulls| {
+            let pulls = DMatrix::from_columns(&pulls);
+            covariance.as_ref().map_or(0.0 * &pulls, |all| all * pulls)
+        });
         for one in found {
             let knob = &self.knobs[one.knob];
             let Some(at) = numbers.iter().position(|number| *number == one.knob) else {
                 continue;
             };
             let by_chance = covariance.as_ref().map_or(0.0, |all| all[(at, at)]);
-            let moved = moved.as_ref().map_or(0.0, |all| all.row(at).norm_squared());
-            let variance = by_chance.max(moved);
+            let by_part = by_part.row(at).norm_squared();
+            let by_play = by_play.row(at).norm_squared() / by_play.ncols() as f64;
+            let variance = by_chance.max(by_part).max(by_play);
             let value = knob.number_in(&model.settings);
             // It may show only in which replies are there, or be hidden by the machine's delays.
             if slopes.column(at).amax() < 4.0 || variance > 0.1 {
