@@ -501,8 +501,8 @@ fn vehicle_with_eight_changes(vehicle: u64) -> (SimSettings, Vec<Recording>) {
         };
         let with_it = vec![drive(&[""], &more, 1000 + vehicle)];
         let search = Search::new(&with_it, with(&[]), &[]);
-        let [before, after] =
-            [&settings, &more].map(|one| search.cost(&search.model(one, 1.0).unwrap(), false));
+        let cost = |one| search.costs(&search.model(one, 1.0).unwrap()).unwrap();
+        let [before, after] = [&settings, &more].map(|one| cost(one).iter().sum::<f64>());
         if before > after + 100.0 {
             changed.insert(knob.name());
             (settings, recordings) = (more, with_it);

@@ -91,7 +91,7 @@ impl Search<'_> {
                 model = self.polish(model, &self.numbers(&settings))?;
             }
             if known.insert(self.set(&model.settings)) {
-                all.push((self.price(&model), false, model));
+                all.push((self.price(&model, is_last)?, false, model));
             }
         }
         let mut trials = Vec::new();
@@ -105,7 +105,7 @@ impl Search<'_> {
                 let next = best.map(|best| self.recombined(&best, &trials, &mut known));
                 let next = next.transpose()?.flatten();
                 let Some(next) = next else { break };
-                all.push((self.price(&next), false, next));
+                all.push((self.price(&next, is_last)?, false, next));
                 continue;
             };
             *is_searched = true;
@@ -120,7 +120,7 @@ impl Search<'_> {
                 });
             }
             for next in self.neighbours(&model, scale, &trials, &mut known)? {
-                all.push((self.price(&next), false, next));
+                all.push((self.price(&next, is_last)?, false, next));
             }
         }
         Ok(all.into_iter().map(|(.., model)| model.settings).collect())

@@ -43,6 +43,7 @@ impl Search<'_> {
         let mut found: Vec<Found> = Vec::new();
         let mut swaps = MOST_SWAPS;
         let mut linear = self.linear(model, trials)?;
+        let mut costs = self.costs(model)?;
         while let Some(taken_back) = (self.changed(&model.settings).into_iter())
             .find(|at| found.iter().all(|one| one.knob != *at))
         {
@@ -57,35 +58,28 @@ impl Search<'_> {
                 break;
             };
             let without = self.polish(plain.clone(), &others)?;
-            let saves = self.gain(&without, model);
+            let saves = self.gain(&self.costs(&without)?, &costs);
             if saves < self.margin() {
                 found.clear();
                 *model = self.model(&without.settings, 1.0)?;
                 linear = self.linear(model, trials)?;
+                costs = self.costs(model)?;
                 continue;
             }
+            let literal = knob.literal_in(&model.settings);
+            let mut all = self.instead(&plain, taken_back, &literal, trials)?;
+            all.extend(self.two_instead(model, &linear, taken_back)?);
             let mut or = Vec::new();
             let mut better: Option<Model> = None;
-            let literal = knob.literal_in(&model.settings);
-            for (other, tried) in self.instead(&plain, taken_back, &literal, trials)? {
+            for (names, tried) in all {
                 let numbers = self.numbers(&tried.settings);
                 let tried = self.polish(tried, &numbers)?;
-                let more = self.gain(model, &tried);
-                if more > self.margin() && swaps > 0 {
+                let by_tried = self.costs(&tried)?;
+                let least = self.margin() * names.split(WITH).count() as f64;
+                if self.gain(&costs, &by_tried) > least && swaps > 0 {
                     better = Some(tried);
-                } else if self.gain(&tried, model) < self.margin() {
-                    or.push(match other == taken_back {
-                        true => format!("{}={}", knob.key, knob.literal_in(&tried.settings)),
-                        false => self.knobs[other].name(),
-                    });
-                }
-            }
-            if let Some((names, tried)) = self.two_instead(model, &linear, taken_back)? {
-                let more = self.gain(model, &tried);
-                if more > 2.0 * self.margin() && swaps > 0 {
-                    better = Some(tried);
-                } else if more > -self.margin() {
-                    or.push(names.join(WITH));
+                } else if self.gain(&by_tried, &costs) < self.margin() {
+                    or.push(names);
                 }
             }
             if let Some(better) = better {
@@ -93,6 +87,7 @@ impl Search<'_> {
                 found.clear();
                 *model = self.model(&better.settings, 1.0)?;
                 linear = self.linear(model, trials)?;
+                costs = self.costs(model)?;
                 continue;
             }
             found.push(Found {
@@ -108,15 +103,15 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// Models with another setting instead of the removed one, the best first. The other numbers stay where they
-    /// are: without the removed one, their best values are far off.
+    /// Models with another setting instead of the removed one, the best first, and its name. The other numbers
+    /// stay where they are: without the removed one, their best values are far off.
     fn instead(
         &self,
         without: &Model,
         taken_back: usize,
         literal: &str,
         trials: &[Trial],
-    ) -> Result<Vec<(usize, Model)>, String> {
+    ) -> Result<Vec<(String, Model)>, String> {
         let changed = self.changed(&without.settings);
         let touching = trials.iter().filter(|one| one.touches).map(|one| one.knob);
         let others: BTreeSet<usize> = touching.filter(|at| !changed.contains(at)).collect();
@@ -141,7 +136,12 @@ impl Search<'_> {
         best.retain(|(cost, ..)| *cost < most);
         best.sort_by(|one, other| one.0.total_cmp(&other.0));
         best.truncate(MOST_INSTEAD);
-        Ok(best.into_iter().map(|(_, at, model)| (at, model)).collect())
+        let name = |at: usize, model: &Model| match (at == taken_back, &self.knobs[at]) {
+            (true, knob) => format!("{}={}", knob.key, knob.literal_in(&model.settings)),
+            (false, knob) => knob.name(),
+        };
+        let best = best.into_iter();
+        Ok(best.map(|(_, at, one)| (name(at, &one), one)).collect())
     }
 
     /// Two numbers that by first order save at least half of what one that was found saves, and the model with
@@ -151,7 +151,7 @@ impl Search<'_> {
         model: &Model,
         linear: &Linear,
         taken_back: usize,
-    ) -> Result<Option<([String; 2], Model)>, String> {
+    ) -> Result<Option<(String, Model)>, String> {
         if !self.knobs[taken_back].choices.is_empty() {
             return Ok(None);
         }
@@ -177,9 +177,8 @@ impl Search<'_> {
         let Some(tried) = self.moved(model, vec![settings])?.into_iter().next() else {
             return Ok(None);
         };
-        let numbers = self.numbers(&tried.settings);
         let names = pair.map(|at| self.knobs[linear.numbers[at]].name());
-        Ok(Some((names, self.polish(tried, &numbers)?)))
+        Ok(Some((names.join(WITH), tried)))
     }
 
     /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
