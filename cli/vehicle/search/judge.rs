@@ -18,6 +18,8 @@ const WIDE: f64 = 3.0;
 /// Changes of another number that are tried instead of a setting, in steps, and how many settings are tried.
 const INSTEAD: [f64; 6] = [-5.5, -2.0, -0.7, 0.7, 2.0, 5.5];
 const MOST_INSTEAD: usize = 2;
+/// How many of them are tried by two.
+const MOST_PAIRED: usize = 6;
 /// Word between two settings that explain together as much as one.
 const WITH: &str = " with ";
 /// Residual of what a setting changes that is allowed, in standard deviations of chance.
@@ -103,8 +105,8 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// Models with another setting instead of the removed one, the best first, and its name. The other numbers
-    /// stay where they are: without the removed one, their best values are far off.
+    /// Models with another setting instead of the removed one, the best first, and with two; and their names. The
+    /// other numbers stay where they are: without the removed one, their best values are far off.
     fn instead(
         &self,
         without: &Model,
@@ -114,7 +116,10 @@ impl Search<'_> {
     ) -> Result<Vec<(String, Model)>, String> {
         let changed = self.changed(&without.settings);
         let touching = trials.iter().filter(|one| one.touches).map(|one| one.knob);
-        let others: BTreeSet<usize> = touching.filter(|at| !changed.contains(at)).collect();
+        // What was found may hide what a choice does.
+        let choices = (0..self.knobs.len()).filter(|at| !self.knobs[*at].choices.is_empty());
+        let mut others: BTreeSet<usize> = touching.chain(choices).collect();
+        others.retain(|at| !changed.contains(at));
         let mut best: Vec<(f64, usize, Model)> = Vec::new();
         for at in others {
             let knob = &self.knobs[at];
@@ -135,13 +140,30 @@ impl Search<'_> {
         let most = self.cost(without, false) - self.margin();
         best.retain(|(cost, ..)| *cost < most);
         best.sort_by(|one, other| one.0.total_cmp(&other.0));
-        best.truncate(MOST_INSTEAD);
+        best.truncate(MOST_PAIRED);
+        let value = |at: usize, model: &Model| self.knobs[at].literal_in(&model.settings);
         let name = |at: usize, model: &Model| match (at == taken_back, &self.knobs[at]) {
-            (true, knob) => format!("{}={}", knob.key, knob.literal_in(&model.settings)),
+            (true, knob) => format!("{}={}", knob.key, value(at, model)),
             (false, knob) => knob.name(),
         };
-        let best = best.into_iter();
-        Ok(best.map(|(_, at, one)| (name(at, &one), one)).collect())
+        let (mut names, mut both) = (Vec::new(), Vec::new());
+        for (place, (_, at, one)) in best.iter().enumerate() {
+            for (_, with, other) in &best[..place] {
+                if let Some(pair) = self.knobs[*with].set(&one.settings, &value(*with, other)) {
+                    names.push([name(*with, other), name(*at, one)].join(WITH));
+                    both.push(pair);
+                }
+            }
+        }
+        let both = names.into_iter().zip(self.moved(without, both)?);
+        let both = both.map(|(names, next)| (self.cost(&next, false), names, next));
+        let pair = both.min_by(|one, other| one.0.total_cmp(&other.0));
+        let pair = pair.filter(|pair| pair.0 < best[0].0 - self.margin());
+        best.truncate(MOST_INSTEAD);
+        let single = best.into_iter().map(|(_, at, one)| (name(at, &one), one));
+        Ok(single
+            .chain(pair.map(|(_, names, one)| (names, one)))
+            .collect())
     }
 
     /// Two numbers that by first order save at least half of what one that was found saves, and the model with
