@@ -1,6 +1,6 @@
 //! Evaluation of conditions.
 //!
-//! Rules are judged thousands of times in a simulated second, so a checked expression is kept in a form that is
+//! Rules are judged at every instant of a run, so a checked expression is kept in a form that is
 //! evaluated without looking up a name, a function or a type.
 
 use std::cmp::Ordering;

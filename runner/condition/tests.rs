@@ -220,7 +220,9 @@ proptest! {
         prop_assert_eq!(own, is_flag);
         let (own, library) = (condition.value(&nothing).ok(), by_library(&text));
         let is_same = match (own, library) {
-            (Some(Reading::Number(own)), Some(Reading::Number(library))) => own.to_bits() == library.to_bits() || own.is_nan() && library.is_nan(),
+            (Some(Reading::Number(own)), Some(Reading::Number(library))) => {
+                own.to_bits() == library.to_bits() || own.is_nan() && library.is_nan()
+            }
             (own, library) => own == library,
         };
         prop_assert!(is_same, "{}: {:?}, by the library {:?}", text, own, library);

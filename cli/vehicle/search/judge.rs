@@ -77,11 +77,11 @@ impl Search<'_> {
                 let numbers = self.numbers(&tried.settings);
                 let tried = self.polish(tried, &numbers)?;
                 let by_tried = self.costs(&tried)?;
-                let least = self.margin() * names.split(WITH).count() as f64;
+                let least = self.margin() * names.len() as f64;
                 if self.gain(&costs, &by_tried) > least && swaps > 0 {
                     better = Some(tried);
                 } else if self.gain(&by_tried, &costs) < self.margin() {
-                    or.push(names);
+                    or.push(names.join(WITH));
                 }
             }
             if let Some(better) = better {
@@ -113,7 +113,7 @@ impl Search<'_> {
         taken_back: usize,
         literal: &str,
         trials: &[Trial],
-    ) -> Result<Vec<(String, Model)>, String> {
+    ) -> Result<Vec<(Vec<String>, Model)>, String> {
         let changed = self.changed(&without.settings);
         let touching = trials.iter().filter(|one| one.touches).map(|one| one.knob);
         // What was found may hide what a choice does.
@@ -150,7 +150,7 @@ impl Search<'_> {
         for (place, (_, at, one)) in best.iter().enumerate() {
             for (_, with, other) in &best[..place] {
                 if let Some(pair) = self.knobs[*with].set(&one.settings, &value(*with, other)) {
-                    names.push([name(*with, other), name(*at, one)].join(WITH));
+                    names.push(vec![name(*with, other), name(*at, one)]);
                     both.push(pair);
                 }
             }
@@ -160,7 +160,9 @@ impl Search<'_> {
         let pair = both.min_by(|one, other| one.0.total_cmp(&other.0));
         let pair = pair.filter(|pair| pair.0 < best[0].0 - self.margin());
         best.truncate(MOST_INSTEAD);
-        let single = best.into_iter().map(|(_, at, one)| (name(at, &one), one));
+        let single = best
+            .into_iter()
+            .map(|(_, at, one)| (vec![name(at, &one)], one));
         Ok(single
             .chain(pair.map(|(_, names, one)| (names, one)))
             .collect())
@@ -173,7 +175,7 @@ impl Search<'_> {
         model: &Model,
         linear: &Linear,
         taken_back: usize,
-    ) -> Result<Option<(String, Model)>, String> {
+    ) -> Result<Option<(Vec<String>, Model)>, String> {
         if !self.knobs[taken_back].choices.is_empty() {
             return Ok(None);
         }
@@ -200,7 +202,7 @@ impl Search<'_> {
             return Ok(None);
         };
         let names = pair.map(|at| self.knobs[linear.numbers[at]].name());
-        Ok(Some((names.join(WITH), tried)))
+        Ok(Some((names.to_vec(), tried)))
     }
 
     /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
