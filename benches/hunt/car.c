@@ -31,12 +31,14 @@ static void stop_for_good(const char *why) {
 static void lost(struct port *port) {
     if (BUG(crash_on_hangup)) crash();
     if (BUG(crash_on_hangup_of_ros) && port == &ros_port) crash();
-    if (BUG(crash_on_second_hangup) && main_port.hangups + ros_port.hangups >= 2) crash();
     if (BUG(crash_on_hangup_after_deaf) && recoveries > 0) crash();
     if (BUG(crash_on_hangup_while_stopping) && stopping) crash();
     if (BUG(crash_on_hangup_before_last_side) && side == 3 && ordering) crash();
     if (BUG(crash_on_hangup_after_block) && blocks > 0) crash();
     if (!reopen(port, 3.0)) stop_for_good("a port does not come back");
+    // One that stays pulled for longer than 3 s hangs up twice, as the client gives up: only what comes back counts.
+    static int reopenings;
+    if (BUG(crash_on_second_reopening) && ++reopenings == 2) crash();
 }
 
 static void give_main(const void *data, size_t size) {
