@@ -126,8 +126,8 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "X", value_parser = speed)]
     pub(crate) speed: Option<f64>,
     /// Time limit for each scenario, as in 90s or "2 min" [default: twice the file's `limit` and
-    /// 30 s]. With --time lockstep it limits the processor time of client and simulator, and real time to
-    /// ten times as much. Otherwise it limits real time.
+    /// 30 s]. With --time lockstep it limits the processor time of client and simulator; after ten times as
+    /// much real time there is an error and no verdict. Otherwise it limits real time.
     #[arg(long, value_name = "TIME", value_parser = some_time)]
     pub(crate) timeout: Option<Span>,
     /// With --time real: how long a busy machine may stall the simulator in all. A scenario that fails

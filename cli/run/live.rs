@@ -179,13 +179,13 @@ impl LivePlay<'_> {
             Ended::Signal => play::Ended::Aborted,
             Ended::Over => play::Ended::Played,
             Ended::Timeout if !has_begun => {
-                play::Ended::NotBegun(format!("{}: {}", over_time(case, true), NO_PORT_OPENED))
+                play::Ended::NoVerdict(format!("{}: {}", over_time(case, true), NO_PORT_OPENED))
             }
             Ended::Timeout => {
                 self.fail(over_time(case, true));
                 play::Ended::Played
             }
-            Ended::Watched if !has_begun => play::Ended::NotBegun(no_port_opened(case, &end)),
+            Ended::Watched if !has_begun => play::Ended::NoVerdict(no_port_opened(case, &end)),
             Ended::Watched if end != ClientEnd::Exited(0) => {
                 self.server.take_the_rest()?;
                 self.fail(format!("the client {end}"));
@@ -215,8 +215,8 @@ impl LivePlay<'_> {
                 true => SimTime::MAX,
                 false => self.server.run().rig().now() + SLICE,
             };
-            if !self.playing.on(self.server.run_mut(), to)? {
-                return Ok(play::Ended::Aborted);
+            if let Some(ended) = self.playing.on(self.server.run_mut(), to)? {
+                return Ok(ended);
             }
         }
         Ok(play::Ended::Played)

@@ -29,7 +29,7 @@ use crate::visible;
 use super::case::{Case, CaseResult, PlayedClient};
 use super::folder;
 use super::live::no_port_opened;
-use super::play::{Ended, Playing, over_time};
+use super::play::{Ended, Playing, out_of_real_time, over_time};
 
 /// Instants of the simulation between looks at the real clock.
 const MOST_INSTANTS: u32 = 10_000;
@@ -263,7 +263,11 @@ impl LockstepWorld<'_> {
             Reason::Stopped => return Ok(Ended::Aborted),
             Reason::Over => return Ok(Ended::Played),
             Reason::OutOfTime { real, doing } => {
-                format!("{}; {doing}", over_time(case, *real))
+                let why = format!("{}; {doing}", over_time(case, *real));
+                if *real {
+                    return Ok(out_of_real_time(&mut self.run, why));
+                }
+                why
             }
             // It has done all that it was to do; or this program was to answer it.
             Reason::Deadlock(_)
@@ -284,14 +288,11 @@ impl LockstepWorld<'_> {
             // The rest of the scenario shows what becomes of the vehicle.
             Reason::Itself => {
                 let played = self.playing.on(&mut self.run, SimTime::MAX);
-                return Ok(match played.map_err(Failure::system)? {
-                    true => Ended::Played,
-                    false => Ended::Aborted,
-                });
+                return Ok(played.map_err(Failure::system)?.unwrap_or(Ended::Played));
             }
         };
         if !begun {
-            return Ok(Ended::NotBegun(why));
+            return Ok(Ended::NoVerdict(why));
         }
         self.run.fail(why);
         Ok(Ended::Played)

@@ -23,24 +23,35 @@ const REAL_TIME_FACTOR: u32 = 10;
 /// The reason of a scenario that took too long; `real` if that was real time.
 pub(super) fn over_time(case: &Case<'_>, real: bool) -> String {
     let allowed = show_duration(case.allowed);
-    let what = match (case.is_lockstep(), real) {
-        (true, false) => format!("the {allowed} of processor time that"),
+    match (case.is_lockstep(), real) {
         (true, true) => {
-            format!("{REAL_TIME_FACTOR} times the {allowed} of processor time that")
+            let real = show_duration(case.allowed.saturating_mul(REAL_TIME_FACTOR));
+            format!(
+                "the machine is too busy for a verdict: it was still running after {real} of real time, before it \
+                 had used the {allowed} of processor time that --timeout allows"
+            )
         }
-        (false, _) => format!("the {allowed} of real time that"),
-    };
-    format!("it was still running after {what} --timeout allows")
+        (is_lockstep, _) => {
+            let kind = if is_lockstep { "processor" } else { "real" };
+            format!("it was still running after the {allowed} of {kind} time that --timeout allows")
+        }
+    }
+}
+
+/// End of a run for which there was not enough real time: no verdict, unless a rule was broken before.
+pub(super) fn out_of_real_time(run: &mut Run, why: String) -> Ended {
+    if run.failures().is_empty() {
+        return Ended::NoVerdict(why);
+    }
+    run.fail(why);
+    Ended::Played
 }
 
 /// Plays a scenario with its scripted client, as fast as the machine goes.
 pub(super) fn scripted(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     let (mut run, mut playing) = Playing::begin(case, stop)?;
-    let goes_on = playing.on(&mut run, SimTime::MAX);
-    let ended = match goes_on.map_err(Failure::system)? {
-        true => Ended::Played,
-        false => Ended::Aborted,
-    };
+    let ended = playing.on(&mut run, SimTime::MAX);
+    let ended = ended.map_err(Failure::system)?.unwrap_or(Ended::Played);
     playing.conclude(&mut run, ended, None, None)
 }
 
@@ -48,8 +59,8 @@ pub(super) fn scripted(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult,
 pub(super) enum Ended {
     /// There is a verdict.
     Played,
-    /// The client never began, for this reason.
-    NotBegun(String),
+    /// There is none, for this reason: the client never began, or the machine was too busy.
+    NoVerdict(String),
     /// A signal came.
     Aborted,
 }
@@ -109,22 +120,20 @@ impl<'a> Playing<'a> {
         }
     }
 
-    /// Plays on to `to`, or to the end, without a real client; `false` if a signal came first.
-    pub(super) fn on(&mut self, run: &mut Run, to: SimTime) -> Result<bool, RunError> {
+    /// Plays on to `to`, or to the end, without a real client; returns how the run ended if it was before.
+    pub(super) fn on(&mut self, run: &mut Run, to: SimTime) -> Result<Option<Ended>, RunError> {
         while run.finished().is_none() && run.rig().now() < to {
             if self.stop.load(Ordering::Relaxed) {
-                return Ok(false);
+                return Ok(Some(Ended::Aborted));
             }
             if self.until().is_some_and(|until| Instant::now() > until) {
-                run.fail(over_time(self.case, true));
-                run.end();
-                break;
+                return Ok(Some(out_of_real_time(run, over_time(self.case, true))));
             }
             // One instant at a time, since a file may have any number of them.
             run.step(to.min(run.rig().now() + SLICE))?;
             self.take(run);
         }
-        Ok(true)
+        Ok(None)
     }
 
     /// Ends it and returns its result. The trace is complete in any case, so that it can be played
@@ -138,7 +147,7 @@ impl<'a> Playing<'a> {
     ) -> Result<CaseResult, Failure> {
         match &ended {
             Ended::Played => {}
-            Ended::NotBegun(why) => run.fail(why.clone()),
+            Ended::NoVerdict(why) => run.fail(why.clone()),
             Ended::Aborted => run.fail("a signal ended it".to_owned()),
         }
         let mut outcome = run.end().clone();
@@ -146,7 +155,7 @@ impl<'a> Playing<'a> {
         let trace = self.trace.map(TraceFile::finish).transpose()?;
         let why = match ended {
             Ended::Played => None,
-            Ended::NotBegun(why) => {
+            Ended::NoVerdict(why) => {
                 // What did not come of it needs no further reason.
                 outcome = Outcome {
                     title: outcome.title,
