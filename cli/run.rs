@@ -196,8 +196,15 @@ fn leave_out_known<'a>(
     earlier
 }
 
-/// Refuses flags that the time of the run has no use for.
+/// Refuses flags that the time of the run has no use for, and a client that is not there.
 fn check_time(args: &RunArgs) -> Result<(), Failure> {
+    // Otherwise the scripts pass where the variable of a build that names the client is empty.
+    let ends = std::env::args_os().next_back();
+    if args.client.is_empty() && ends.is_some_and(|last| last == "--") {
+        return Err(Failure::usage(anyhow!(
+            "no client stands behind `--`; leave `--` out to play the scripts in the files"
+        )));
+    }
     let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
     let is_lockstep = !args.client.is_empty() && args.time == TimeArg::Lockstep;
     if args.speed.is_some() && !is_real {

@@ -50,6 +50,8 @@ fn wrong_flags_are_refused_with_advice() {
         run(&["--pty", "/tmp/never-made", &flag_and_value]).expect_refusal(2, &[wrong, allowed]);
     }
     assert!(!Path::new("/tmp/never-made").exists());
+    // As when the variable that names the client is empty.
+    run(&["run", "scenarios/r150", "--"]).expect_refusal(2, &["no client stands behind `--`"]);
 }
 
 #[test]
