@@ -85,7 +85,7 @@ impl OutputFile {
         Ok(Self { path, to })
     }
 
-    /// The same, emptied, so that a former one is not taken for this one's if it is aborted.
+    /// The same without an earlier file, which would be taken for this one's if it is aborted.
     ///
     /// # Errors
     /// When it cannot be written, or something else is there.
@@ -95,17 +95,19 @@ impl OutputFile {
         Ok(file)
     }
 
-    /// Empties it, unless it is a stream.
+    /// Removes an earlier file, unless it is a stream.
     ///
     /// # Errors
     /// When it cannot be written, or something else is there by now.
     pub(crate) fn clear(&self) -> Result<(), Failure> {
-        match self.to.is_stream() {
-            true => Ok(()),
-            false => self
-                .write("")
-                .map_err(|failure| Failure::usage(failure.error)),
+        if self.to.is_stream() {
+            return Ok(());
         }
+        let emptied = self.write("");
+        emptied.map_err(|failure| Failure::usage(failure.error))?;
+        std::fs::remove_file(&self.path)
+            .with_context(|| format!("cannot remove {}", visible::name(&self.path)))
+            .map_err(Failure::usage)
     }
 
     /// Writes all of it.
