@@ -6,6 +6,7 @@ use std::fs::File;
 use std::hash::Hasher as _;
 use std::io::{self, BufRead as _, BufReader, BufWriter, ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use rigsim_core::SimTime;
@@ -18,11 +19,17 @@ use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
 use crate::exit::{Exit, Failure};
 use crate::patient_file::PatientFile;
-use crate::print::print;
+use crate::print::{complain, print};
 use crate::visible;
 
 /// What the beginning of a trace has.
 pub(crate) const MARKS: &[&str] = &["{\"kind\":\"header\""];
+
+/// Most real time that lines of a trace wait to be written, beside that until the next one.
+const FLUSH: Duration = Duration::from_secs(1);
+
+/// Name in the header of the recording of a vehicle.
+pub(crate) const OF_VEHICLE: &str = "a recorded vehicle";
 
 /// Most bytes of a line of a trace; the first holds the scenario and its world.
 const MOST_LINE: u64 = 16 << 20;
@@ -52,6 +59,7 @@ pub(crate) struct TraceFile {
     path: PathBuf,
     out: BufWriter<File>,
     error: Option<io::Error>,
+    flushed: Instant,
     /// Of all lines.
     digest: SipHasher13,
 }
@@ -77,6 +85,7 @@ impl TraceFile {
             path,
             out: BufWriter::with_capacity(1 << 16, file),
             error: None,
+            flushed: Instant::now(),
             digest: SipHasher13::new(),
         })
     }
@@ -86,7 +95,8 @@ impl TraceFile {
         self.digest.write(line.as_bytes());
         self.digest.write_u8(b'\n');
         if self.error.is_none() {
-            self.error = writeln!(self.out, "{line}").err();
+            let written = writeln!(self.out, "{line}");
+            self.keep_error(written);
         }
     }
 
@@ -105,19 +115,36 @@ impl TraceFile {
         if let Err(error) = self.out.flush() {
             self.error.get_or_insert(error);
         }
-        let shown = visible::name(&self.path);
         match &self.error {
             None => Ok(()),
-            Some(error) => Err(Failure::system(anyhow!(
-                "cannot write the trace {shown}; it is not complete: {error}"
-            ))),
+            Some(error) => Err(Failure::system(anyhow!("{}: {error}", self.incomplete()))),
         }
     }
 
-    /// Adds what a run has to tell.
+    fn incomplete(&self) -> String {
+        let shown = visible::name(&self.path);
+        format!("cannot write the trace {shown}; it is not complete")
+    }
+
+    /// Keeps the first error for the end, and reports it at once.
+    fn keep_error(&mut self, written: io::Result<()>) {
+        if let Err(error) = written
+            && self.error.is_none()
+        {
+            complain(&format!("{}: {error}", self.incomplete()));
+            self.error = Some(error);
+        }
+    }
+
+    /// Adds what a run has to tell. It is in the file within a second of real time.
     pub(crate) fn take(&mut self, run: &mut Run) {
         while let Some(line) = run.poll_trace() {
             self.line(&line);
+        }
+        if self.flushed.elapsed() > FLUSH {
+            self.flushed = Instant::now();
+            let written = self.out.flush();
+            self.keep_error(written);
         }
     }
 
@@ -178,12 +205,27 @@ impl<'a> Lines<'a> {
         let empty = Failure::usage(anyhow!("the trace {} is empty", visible::name(self.path)));
         self.next()?.ok_or(empty)
     }
+
+    /// The same; refuses the recording of a vehicle, which no run of the model repeats.
+    fn first_of_run(&mut self) -> Result<&str, Failure> {
+        let shown = visible::name(self.path);
+        let first = self.first()?;
+        match serde_json::from_str(first) {
+            Ok(Record::Header(header)) if header.source.file == OF_VEHICLE => {
+                Err(Failure::usage(anyhow!(
+                    "{shown} is a recording of a vehicle, which the model does not repeat byte for byte; `sim compare \
+                     {shown}` shows both, and `sim tap -v` prints what passes as it records"
+                )))
+            }
+            _ => Ok(first),
+        }
+    }
 }
 
 /// Plays a recording again and compares.
 pub(crate) fn compare(devices: Devices, path: &Path) -> Result<Played, Failure> {
     let mut lines = Lines::open(path)?;
-    match Replay::begin(devices, lines.first()?) {
+    match Replay::begin(devices, lines.first_of_run()?) {
         Ok(replay) => play(&mut lines, replay),
         Err(error) => Ok(Err(error)),
     }
@@ -197,7 +239,7 @@ pub(crate) fn view<V: Observer>(
     viewer: impl FnOnce(&Run) -> Result<V, Failure>,
 ) -> Result<(V, Played), Failure> {
     let mut lines = Lines::open(path)?;
-    let begun = Replay::begin(devices, lines.first()?);
+    let begun = Replay::begin(devices, lines.first_of_run()?);
     let replay = begun
         .with_context(|| visible::name(path))
         .map_err(Failure::usage)?;
@@ -265,7 +307,7 @@ pub(crate) fn part(
 ) -> Result<(Run, BTreeSet<PortId>, bool), Failure> {
     let failed = |error| Failure::usage(anyhow!("{}: {error}", visible::name(path)));
     let mut lines = Lines::open(path)?;
-    let mut replay = Replay::begin(devices, lines.first()?).map_err(failed)?;
+    let mut replay = Replay::begin(devices, lines.first_of_run()?).map_err(failed)?;
     if let Some(observer) = &mut observer {
         replay = replay.watched(*observer);
     }

@@ -27,6 +27,7 @@ use rigsim_runner::{DevicePlan, RigPlan};
 
 use crate::config;
 use crate::exit::Failure;
+use crate::recording::OF_VEHICLE;
 
 /// One device of this kind with this number of links, at rest and ready.
 fn plan_of(
@@ -73,7 +74,7 @@ fn header(plan: &RigPlan) -> Header {
         live: true,
         serving: true,
         source: ScenarioText {
-            file: "a recorded vehicle".to_owned(),
+            file: OF_VEHICLE.to_owned(),
             text: plan.to_toml(),
             ..ScenarioText::default()
         },

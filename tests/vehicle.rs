@@ -382,6 +382,8 @@ fn a_capture_made_elsewhere_becomes_a_recording() {
         (recorded(&dir, "in"), recorded(&dir, "out")),
         (vec![0xAA, 0x55], vec![1, 2])
     );
+    // No run of the model is the same to the last byte.
+    run(&["trace", trace]).expect_refusal(2, &["recording of a vehicle", "sim compare"]);
     // What cannot be read is not as documented, and no setting explains it.
     std::fs::write(csv, "5.0,client,AA550007C784\n5.25,vehicle,0102\n").unwrap();
     run(&["tap", "--csv", csv, "--trace", trace]);
