@@ -54,6 +54,8 @@ enum Line {
     Event(Event),
     /// Printed as it is, whatever the options say.
     Text(String),
+    /// Asks for an answer when all lines before it are printed.
+    Mark(Sender<()>),
 }
 
 /// The sending end; finishing or dropping it prints the rest and ends the thread.
@@ -119,6 +121,13 @@ impl Log {
     /// Prints a line.
     pub(crate) fn text(&self, line: String) {
         self.send(Line::Text(line));
+    }
+
+    /// Waits until the lines so far are printed, but not long for a slow reader.
+    pub(crate) fn flush(&self) {
+        let (mark, printed) = crossbeam_channel::bounded(1);
+        self.send(Line::Mark(mark));
+        let _ = printed.recv_timeout(END_PATIENCE);
     }
 
     fn send(&self, line: Line) {
@@ -239,6 +248,12 @@ impl Printer {
         let event = match line {
             Line::Text(text) => return writeln!(out, "{}", visible::lines(&text)),
             Line::Event(event) => event,
+            Line::Mark(mark) => {
+                out.flush()?;
+                // Its reader may have waited long enough.
+                let _ = mark.send(());
+                return Ok(());
+            }
         };
         let Some(repeats) = self.due(&event) else {
             return Ok(());

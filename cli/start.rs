@@ -159,10 +159,12 @@ impl Session {
             "seed": seed,
             "ports": ports,
         });
+        // Who finds the ready file finds the address of the control socket in the log.
+        log.flush();
         let ready_file = args
             .ready_file
             .as_ref()
-            .map(|path| ReadyFile::write(path, format!("{ready}\n")))
+            .map(|path| ReadyFile::write(path, &format!("{ready}\n")))
             .transpose()
             .map_err(Failure::usage)?;
         log.text(match log.options.format {

@@ -28,7 +28,7 @@ use rustix::io::Errno;
 use crate::error::PortErrorKind;
 pub use held::{Held, held_in, private_folder};
 pub(crate) use link::Link;
-pub use results::Results;
+pub use results::{HeldResults, Results};
 
 /// Most attempts when others make and remove files at the path.
 const MAX_ATTEMPTS: usize = 8;

@@ -197,6 +197,9 @@ fn a_ready_file_replaces_nothing_but_its_like() {
     sim.wait();
     assert!(ready.exists());
     let sim = Sim::start_at(Path::new(port), &["--ready-file", file]);
+    // One of a simulator that runs is left alone.
+    let other = format!("{port}-2");
+    run(&["--pty", &other, "--ready-file", file]).expect_refusal(2, &["another simulator", file]);
     assert!(
         fs::read_to_string(&ready)
             .unwrap()

@@ -71,11 +71,37 @@ impl Results {
     /// # Errors
     /// When something else is there by now, or the system refuses.
     pub fn write(&self, bytes: &[u8]) -> Result<(), PortErrorKind> {
+        match (&self.to, self.put(bytes)?) {
+            (To::Place(place), Some(lock)) => lock.remove(place),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// The same; no other process can write them until they are dropped, which removes the file.
+    ///
+    /// # Errors
+    /// When something else is there by now, another process holds it, or the system refuses.
+    pub fn hold(self, bytes: &[u8]) -> Result<HeldResults, PortErrorKind> {
+        let lock = self.put(bytes)?;
+        if let Some(lock) = &lock {
+            lock.record(Path::new(""))?;
+        }
+        Ok(HeldResults {
+            results: self,
+            bytes: bytes.to_vec(),
+            lock,
+        })
+    }
+
+    /// Writes them. Returns the lock of a file, which is also removed if that fails.
+    fn put(&self, bytes: &[u8]) -> Result<Option<Lock>, PortErrorKind> {
         let place = match &self.to {
             To::Place(place) => place,
             To::Stream(stream) => {
                 let mut stream = stream;
-                return stream.write_all(bytes).map_err(PortErrorKind::io("write"));
+                let written = stream.write_all(bytes).map_err(PortErrorKind::io("write"));
+                return written.map(|()| None);
             }
         };
         let lock = Lock::take(place)?;
@@ -83,9 +109,13 @@ impl Results {
             Some((FileType::RegularFile, mode)) => Some(mode.as_raw_mode()),
             _ => None,
         };
-        let put = place.put_file(bytes, mode, |name| is_earlier(place, name, self.marks));
-        lock.remove(place);
-        put
+        match place.put_file(bytes, mode, |name| is_earlier(place, name, self.marks)) {
+            Ok(()) => Ok(Some(lock)),
+            Err(error) => {
+                lock.remove(place);
+                Err(error)
+            }
+        }
     }
 
     /// Empties the file, for results that are written bit by bit. No other simulator can have it so
@@ -126,17 +156,32 @@ impl Results {
         }
         Ok(file)
     }
+}
 
-    /// Removes the file, if these bytes are still in it.
-    pub fn remove(&self, bytes: &[u8]) {
-        let To::Place(place) = &self.to else { return };
+/// Results that are there as long as this process, or this value.
+#[derive(Debug)]
+pub struct HeldResults {
+    results: Results,
+    bytes: Vec<u8>,
+    lock: Option<Lock>,
+}
+
+impl Drop for HeldResults {
+    fn drop(&mut self) {
+        let To::Place(place) = &self.results.to else {
+            return;
+        };
         let mut found = Vec::new();
         let read = place.open(&place.name, OFlags::RDONLY).ok().map(|file| {
-            let most = bytes.len() as u64 + 1;
+            let most = self.bytes.len() as u64 + 1;
             file.take(most).read_to_end(&mut found)
         });
-        if read.is_some_and(|read| read.is_ok()) && found == bytes {
+        // Unless something else is there by now.
+        if read.is_some_and(|read| read.is_ok()) && found == self.bytes {
             let _ = unlinkat(&place.dir, &place.name, AtFlags::empty());
+        }
+        if let Some(lock) = self.lock.take() {
+            lock.remove(place);
         }
     }
 }
