@@ -59,6 +59,7 @@ impl Controlled {
         command
             .env("XDG_RUNTIME_DIR", self.dir.path())
             .env_remove("SIM_CONTROL")
+            .current_dir(self.dir.path())
             .arg("ctl")
             .args(args);
         Sim::spawn(&mut command, PathBuf::new(), None).wait()
@@ -190,6 +191,11 @@ fn the_only_device_needs_no_name_in_a_shell() {
     let controlled = Controlled::start(&["--device", "mecanum"]);
     controlled.expect_ctl(&["fault", "cable-pulled"], "cable-pulled: active");
     controlled.expect_ctl(&["operator", "press", "forward"], "active");
+    // The link is gone as long as the cable is pulled, and its path still names the simulator.
+    let port = controlled.sim.port().to_owned();
+    harness::until("the link is gone", || !port.exists());
+    let name = port.file_name().unwrap().to_str().unwrap();
+    controlled.expect_ctl(&["--port", name, "get", "t"], "");
     controlled.finish();
 }
 

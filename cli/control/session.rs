@@ -63,10 +63,13 @@ impl Session {
     /// Returns whether this is one of its ports, by its own name or another.
     pub(crate) fn serves(&self, port: &Path) -> bool {
         let real = |path: &Path| fs::canonicalize(path).ok();
-        let wanted = real(port);
-        self.ports
-            .iter()
-            .any(|served| served == port || (wanted.is_some() && real(served) == wanted))
+        let (absolute, wanted) = (std::path::absolute(port).ok(), real(port));
+        // An address is no path, and the link of a pulled cable leads nowhere.
+        self.ports.iter().any(|served| {
+            served == port
+                || Some(served) == absolute.as_ref()
+                || wanted.is_some() && real(served) == wanted
+        })
     }
 }
 
