@@ -3,6 +3,7 @@
 //! A tool is a command line of this program, by the table in `mcp/tools.json`; its output is the answer.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
@@ -335,7 +336,13 @@ impl Server {
         if let Some(live) = live.take() {
             live.stop().await?;
         }
-        let simulator = spawn(words, None, &log)?;
+        // It ends with this server, however that ends.
+        let mut supervisor = command(["supervise", "--"], &log)?;
+        supervisor.arg(std::env::current_exe()?).args(words);
+        let simulator = supervisor
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()?;
         let mut started = Live {
             simulator,
             url: String::new(),
@@ -365,17 +372,17 @@ impl Server {
     }
 }
 
-/// Starts this program; what it prints goes to a file.
-fn spawn(words: &[String], url: Option<&str>, log: &Path) -> io::Result<Child> {
+/// This program; what it prints goes to a file.
+fn command<W: AsRef<OsStr>>(words: impl IntoIterator<Item = W>, log: &Path) -> io::Result<Command> {
     let out = File::create(log)?;
-    Command::new(std::env::current_exe()?)
+    let mut program = Command::new(std::env::current_exe()?);
+    program
         .args(words)
         .env_remove("SIM_CONTROL")
-        .envs(url.map(|url| ("SIM_CONTROL", url)))
         .stdin(Stdio::null())
         .stderr(out.try_clone()?)
-        .stdout(out)
-        .spawn()
+        .stdout(out);
+    Ok(program)
 }
 
 /// Runs this program, and returns whether it went well. Ends it if the call is cancelled, or takes too long with
@@ -386,7 +393,8 @@ async fn sim(
     log: &Path,
     context: &RequestContext<RoleServer>,
 ) -> io::Result<bool> {
-    let mut program = spawn(words, url, log)?;
+    let mut program = command(words, log)?;
+    let mut program = program.envs(url.map(|url| ("SIM_CONTROL", url))).spawn()?;
     let most = url.map_or(Duration::MAX, |_| MOST_WAIT);
     tokio::select! {
         ended = program.wait() => return Ok(ended?.success()),

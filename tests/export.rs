@@ -631,11 +631,29 @@ fn a_simulator_that_an_agent_started_ends_with_the_server() {
     }
     let state = ask(call(3, "control", json!({"words": ["get", "t"]})));
     assert_eq!(state["result"]["isError"], false, "{state}");
-    assert_eq!(programs(&folder), 2, "the server and one simulator");
-    let pid = i32::try_from(server.id()).unwrap();
-    let pid = rustix::process::Pid::from_raw(pid).unwrap();
-    rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+    assert_eq!(
+        programs(&folder),
+        3,
+        "the server, a supervisor, and one simulator"
+    );
+    let signal = |server: &std::process::Child, signal| {
+        let pid = i32::try_from(server.id()).unwrap();
+        let pid = rustix::process::Pid::from_raw(pid).unwrap();
+        rustix::process::kill_process(pid, signal).unwrap();
+    };
+    signal(&server, rustix::process::Signal::TERM);
     assert_eq!(server.wait().unwrap().code(), Some(0));
     assert_eq!(programs(&folder), 0);
     assert!(folder.leftovers().is_empty(), "{:?}", folder.leftovers());
+
+    // Also with one that is killed.
+    let mut server = self::server(&folder);
+    let start = call(1, "start", json!({"device": "r150"}));
+    writeln!(server.stdin.as_mut().unwrap(), "{start}").unwrap();
+    let answers = BufReader::new(server.stdout.take().unwrap()).lines();
+    assert!(answers.skip(1).next().unwrap().is_ok());
+    assert_eq!(programs(&folder), 3);
+    signal(&server, rustix::process::Signal::KILL);
+    server.wait().unwrap();
+    harness::until("its simulator has ended", || programs(&folder) == 0);
 }
