@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
 use std::fs;
+use std::hash::{DefaultHasher, Hasher as _};
+use std::os::unix::ffi::OsStrExt as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -21,6 +23,8 @@ use crate::visible;
 
 /// Most scenario files of one call.
 const MOST_FILES: usize = 10_000;
+/// Most bytes of a part of names of files: a name has 255, also that of a lock beside it.
+const MOST_STEM: usize = 200;
 
 /// A scenario with its world file; devices that are only served are one without steps.
 #[derive(Clone)]
@@ -130,7 +134,7 @@ impl Loaded {
     }
 
     /// Part of names of files by which it is known: the whole path, so that files of one name in
-    /// two folders do not meet.
+    /// two folders do not meet. Of a long one, a digest and its end.
     pub(crate) fn stem(&self) -> OsString {
         let path = self.path.with_extension("");
         let parts = path.components().filter_map(|part| match part {
@@ -149,6 +153,14 @@ impl Loaded {
             };
             let value: String = value.chars().map(letter).collect();
             stem.push(format!("-{name}-{value}"));
+        }
+        let begins = stem.len().saturating_sub(MOST_STEM);
+        if begins > 0 {
+            let mut all = DefaultHasher::new();
+            all.write(stem.as_bytes());
+            let mut short = OsString::from(format!("{:08x}-", all.finish() & 0xFFFF_FFFF));
+            short.push(OsStr::from_bytes(&stem.as_bytes()[begins..]));
+            stem = short;
         }
         stem
     }
