@@ -206,7 +206,10 @@ impl Condition {
             let value = origin.read(name, situation).unwrap_or(NOTHING);
             format!("{name} = {value}")
         });
-        values.collect::<Vec<_>>().join(", ")
+        match values.collect::<Vec<_>>().join(", ") {
+            none if none.is_empty() => "it names no value of the run".to_owned(),
+            values => values,
+        }
     }
 }
 
