@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use rigsim_core::device::{DeviceSettings, DeviceSpec};
+use rigsim_runner::DevicePlan;
 
 use crate::choice::Choice;
 
@@ -152,16 +152,16 @@ const MOST_BYTES: usize = 300;
 impl Message {
     /// On a link of a device.
     #[must_use]
-    pub fn bytes(
-        &self,
-        (device, link): (&DeviceSpec, usize),
-        settings: &dyn DeviceSettings,
-    ) -> Vec<u8> {
-        let framing = &device.links[link].framing;
-        // Values that do not go together are not a command.
-        let whole = |command: &Choice| match command.command(device, link, settings) {
-            Ok(message) => message.bytes,
-            Err(_) => Vec::new(),
+    pub fn bytes(&self, plan: &DevicePlan, link: usize) -> Vec<u8> {
+        let framing = &plan.device.links[link].framing;
+        let whole = |command: &Choice| {
+            let settings = plan.own_settings();
+            let message = settings.map(|settings| command.command(plan.device, link, settings));
+            match message {
+                Some(Ok(message)) => message.bytes,
+                // Values that do not go together are not a command.
+                _ => Vec::new(),
+            }
         };
         match self {
             Self::Command(command) => whole(command),

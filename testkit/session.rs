@@ -9,8 +9,9 @@
 //!   packets, whole lines.
 //! - Events are reported in order, and have words.
 
+mod drive;
 mod promises;
-pub(crate) mod setup;
+mod setup;
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::time::Duration;
@@ -18,11 +19,12 @@ use std::time::Duration;
 use rigsim_core::SimTime;
 use rigsim_core::device::{Devices, EffectHandle, Level};
 use rigsim_core::effect::Checked;
-use rigsim_core::line::{ClientLine, LineEvent};
-use rigsim_core::rig::{PortId, Rig};
-use rigsim_core::settings::SimSettings;
+use rigsim_core::line::{ClientLine, LineEvent, Wire};
+use rigsim_core::rig::Rig;
+use rigsim_physics::WorldMap;
+use rigsim_runner::RigPlan;
 
-use crate::operation::{Message, Operation, Wait};
+use crate::operation::{Operation, Wait};
 use crate::setting::{self, SettingChoice};
 use promises::Client;
 pub(crate) use promises::truth;
@@ -71,7 +73,8 @@ impl<'b> arbitrary::Arbitrary<'b> for Session {
 /// the same every time.
 #[must_use]
 pub fn play(devices: Devices, session: &Session) -> u64 {
-    let mut player = Player::new(devices, session);
+    let settings = setting::settings(&session.settings);
+    let mut player = session.setup.begin(devices, &settings);
     for operation in session.operations.iter().take(MOST_OPERATIONS) {
         player.perform(operation);
         player.check();
@@ -79,9 +82,10 @@ pub fn play(devices: Devices, session: &Session) -> u64 {
     player.seen.finish()
 }
 
-struct Player {
+/// Devices with their clients, and what happened so far, by which promises are checked.
+pub(crate) struct Player {
+    plan: RigPlan,
     rig: Rig,
-    settings: SimSettings,
     clients: Vec<Client>,
     effects: Vec<Applied>,
     now: SimTime,
@@ -101,14 +105,17 @@ struct Applied {
 }
 
 impl Player {
-    fn new(devices: Devices, session: &Session) -> Self {
-        let settings = setting::settings(&session.settings);
-        let (rig, clients) = session.setup.begin(devices, &settings);
+    /// The devices of a plan, with a client at each of their ports.
+    pub(crate) fn new(plan: RigPlan, map: WorldMap, wire: Wire, seed: u64) -> Self {
+        let clients = plan.links().map(|link| {
+            let device = plan.devices[link.id.device].device;
+            Client::new(link.id, device, link.baud, wire)
+        });
         let mut player = Self {
-            distance: vec![0.0; rig.devices()],
-            rig,
-            settings,
-            clients,
+            clients: clients.collect(),
+            rig: plan.build(map, wire, seed),
+            distance: vec![0.0; plan.devices.len()],
+            plan,
             effects: Vec::new(),
             now: SimTime::ZERO,
             end: SimTime::ZERO + MOST_TIME,
@@ -124,7 +131,12 @@ impl Player {
 
     fn perform(&mut self, operation: &Operation) {
         match operation {
-            Operation::Send { port, message } => self.send(*port, message),
+            Operation::Send { port, message } => {
+                let port = self.port(*port);
+                let id = self.clients[port].port;
+                let bytes = message.bytes(&self.plan.devices[id.device], id.link);
+                self.send(port, &bytes);
+            }
             Operation::Wait(wait) => self.wait(*wait),
             Operation::Follow(count) => self.play_events(*count),
             Operation::Read { port } => {
@@ -172,9 +184,7 @@ impl Player {
                 effect,
             } => {
                 let device = usize::from(*device) % self.rig.devices();
-                let Some(spec) = self.rig.spec(device) else {
-                    return;
-                };
+                let spec = self.plan.devices[device].device;
                 let effect = effect.effect(spec);
                 let effect =
                     effect.and_then(|chosen| Checked::new(chosen, spec, self.rig.links(device)));
@@ -241,16 +251,13 @@ impl Player {
         }
     }
 
-    fn send(&mut self, port: u8, message: &Message) {
-        let port = self.port(port);
+    fn send(&mut self, port: usize, bytes: &[u8]) {
         let client = &mut self.clients[port];
         if !client.attached {
             return;
         }
-        let port = client.port;
-        let bytes = bytes(&self.rig, &self.settings, port, message);
         client.sent += bytes.len();
-        self.rig.client_puts(port, &bytes);
+        self.rig.client_puts(client.port, bytes);
         let sent = self.rig.advance(self.now);
         sent.unwrap_or_else(|error| panic!("{error}"));
     }
@@ -314,16 +321,4 @@ impl Player {
         bytes.hash(&mut self.seen);
         client.gets(&bytes, self.now);
     }
-}
-
-/// A message on a port of a rig.
-pub(crate) fn bytes(rig: &Rig, settings: &SimSettings, port: PortId, message: &Message) -> Vec<u8> {
-    let PortId { device, link } = port;
-    let Some(spec) = rig.spec(device) else {
-        return Vec::new();
-    };
-    let Some(settings) = settings.of_device(spec) else {
-        return Vec::new();
-    };
-    message.bytes((spec, link), settings)
 }

@@ -1,27 +1,24 @@
 //! Text of each kind of file but traces: refused in words, or built and run for a while.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use rigsim_core::device::DeviceSpec;
 use rigsim_core::line::Wire;
-use rigsim_core::rig::{PortId, Rig, RigError, RigSettings};
 use rigsim_core::settings::SimSettings;
 use rigsim_core::{SHIPPED, SimTime};
 use rigsim_physics::WorldMap;
 use rigsim_runner::trace::Record;
 use rigsim_runner::{RigPlan, Run, RunError, RunOptions, Scenario};
 use rigsim_settings::{Source, load_toml};
-use toml::de::DeValue;
-use toml::{Table, Value};
 
-use crate::session::{setup, truth};
+use crate::session::{Player, Setup, truth};
 
 /// Most devices that are driven, since each makes every step dearer.
 pub(crate) const MOST_DRIVEN: usize = 12;
 /// Most simulated time of a scenario.
 const MOST_TIME: Duration = Duration::from_millis(200);
+/// A step of the physics, unless it is set.
+const STEP: Duration = Duration::from_millis(5);
 
 /// A refusal must say something, and not everything.
 pub(crate) fn is_reported(error: &str) {
@@ -35,7 +32,7 @@ pub(crate) fn is_reported(error: &str) {
 pub fn settings(text: &str) {
     let mut settings = SimSettings::new(SHIPPED);
     match load_toml(text, "settings.toml", &mut settings) {
-        Ok(()) => drive(&settings, WorldMap::default(), Steps(40)),
+        Ok(()) => drive(&settings, WorldMap::default(), STEP, 40),
         Err(errors) => errors
             .iter()
             .for_each(|error| is_reported(&error.to_string())),
@@ -45,7 +42,7 @@ pub fn settings(text: &str) {
 /// A world file: both devices are driven in it for some steps.
 pub fn world(text: &str) {
     match WorldMap::from_toml(text, "world.toml") {
-        Ok(map) => drive(&SimSettings::new(SHIPPED), map, Steps(40)),
+        Ok(map) => drive(&SimSettings::new(SHIPPED), map, STEP, 40),
         Err(error) => is_reported(&error.to_string()),
     }
 }
@@ -56,8 +53,7 @@ pub fn rig(text: &str) {
     match RigPlan::parse(Source { file, text }, &SimSettings::new(SHIPPED)) {
         Ok(plan) => {
             if plan.devices.len() <= MOST_DRIVEN {
-                let map = WorldMap::default();
-                drive_rig(plan.build(map, Wire::Paced, 1), Steps(20));
+                Player::new(plan, WorldMap::default(), Wire::Paced, 1).drive(STEP, 20);
             }
         }
         Err(error) => is_reported(&error.to_string()),
@@ -122,103 +118,15 @@ pub(crate) fn goes_on(error: &RunError) {
     assert!(!matches!(error, RunError::Rig(_)), "{error}");
 }
 
-/// For how long to drive.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HowLong {
-    /// In steps of the physics, of whatever length.
-    Steps(u32),
-    /// In simulated time.
-    For(Duration),
-}
-use HowLong::Steps;
-
-/// Drives one device of each kind, and checks its numbers.
+/// Drives one device of each kind side by side, and keeps every promise of a session.
 ///
 /// # Panics
-/// When a number is not finite, or the simulation gives up.
-pub fn drive(settings: &SimSettings, map: WorldMap, how_long: HowLong) {
-    let mut rig = Rig::new(RigSettings {
-        world: settings.world.clone(),
-        map,
-        wire: Wire::Paced,
-        seed: 1,
-    });
-    for (device, y) in SHIPPED.iter().zip([0.0, 1.5, 3.0]) {
-        let links = device.links.len();
-        setup::add(&mut rig, (device, settings), [0.0, y], 0, links);
-    }
-    drive_rig(rig, how_long);
-}
-
-/// Commands that drive, one after another: of what the plan of the device sends, the kind that it sends
-/// most often.
-fn driving(device: &DeviceSpec) -> Vec<Vec<u8>> {
-    let plan = device.host.plan.parse::<Table>();
-    let plan = Value::Table(plan.unwrap_or_else(|error| panic!("{error}")));
-    let list = |value: &Value, key| value.get(key).and_then(Value::as_array).cloned();
-    let parts = list(&plan, "manoeuvre").into_iter().flatten();
-    let parts = parts.flat_map(|part| list(&part, "do").into_iter().flatten());
-    let mut kinds: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for command in parts.flat_map(|part| list(&part, "send").into_iter().flatten()) {
-        let kind = command.as_table().and_then(|command| command.keys().next());
-        // What stops it is sent often, too.
-        let text = command.to_string();
-        if let Some(kind) = kind.filter(|_| text.contains(|digit| matches!(digit, '1'..='9'))) {
-            kinds.entry(kind.clone()).or_default().push(text);
-        }
-    }
-    let most = kinds.into_values().max_by_key(Vec::len).unwrap_or_default();
-    assert!(!most.is_empty(), "nothing is known to drive {device:?}");
-    most.iter().map(|text| command(device, text)).collect()
-}
-
-/// A command as it is on the wire, by the settings as they are by default.
-fn command(device: &DeviceSpec, text: &str) -> Vec<u8> {
-    let value = DeValue::parse(text).unwrap_or_else(|error| panic!("{text}: {error}"));
-    let read = (device.host.read)(&value, &*(device.settings)());
-    read.unwrap_or_else(|error| panic!("{text}: {error}")).bytes
-}
-
-fn drive_rig(mut rig: Rig, how_long: HowLong) {
-    let step = rig.world().step_length();
-    let (pace, count) = match how_long {
-        HowLong::Steps(count) => (step, count),
-        HowLong::For(span) => (Duration::from_millis(50), {
-            u32::try_from(span.as_millis() / 50).unwrap_or(u32::MAX)
-        }),
+/// When a promise is broken.
+pub fn drive(settings: &SimSettings, map: WorldMap, pace: Duration, rounds: usize) {
+    let setup = Setup {
+        all_links: true,
+        ..Setup::default()
     };
-    let gone_on = |went: Result<(), RigError>| went.unwrap_or_else(|error| panic!("{error}"));
-    let ports: Vec<PortId> = (0..rig.devices())
-        .flat_map(|device| [0, 1].map(|link| PortId { device, link }))
-        .collect();
-    for port in &ports {
-        gone_on(rig.attach(*port, SimTime::ZERO));
-    }
-    let mut now = SimTime::ZERO;
-    let mut bytes = Vec::new();
-    for round in 0..count {
-        if round % 10 == 0 {
-            for device in 0..rig.devices() {
-                let port = PortId { device, link: 0 };
-                let Some(spec) = rig.spec(device) else {
-                    continue;
-                };
-                let requests = driving(spec);
-                let which = usize::try_from(round / 10).unwrap_or(0) % requests.len();
-                rig.client_puts(port, &requests[which]);
-            }
-        }
-        now += pace;
-        gone_on(rig.advance(now));
-        for device in 0..rig.devices() {
-            truth(&rig, device);
-        }
-        for port in &ports {
-            bytes.clear();
-            rig.client_reads(*port, &mut bytes);
-        }
-        while let Some(event) = rig.poll_event() {
-            assert!(!event.kind.to_string().is_empty());
-        }
-    }
+    let plan = setup.plan(SHIPPED, settings, [0.0, 1.5]);
+    Player::new(plan, map, Wire::Paced, 1).drive(pace, rounds);
 }

@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use rigsim_core::SimTime;
 use rigsim_core::line::{ClientLine, Wire};
+use rigsim_core::rig::PortId;
 use rigsim_core::settings::SimSettings;
 use rigsim_runner::trace::{Record, Replay, ReplayError, Timed};
 use rigsim_runner::{Run, RunOptions, Scenario};
 use rigsim_settings::Source;
 
 use crate::operation::{Operation, Wait};
-use crate::session;
 use crate::text::{MOST_DRIVEN, goes_on, is_reported};
 
 /// Most simulated time of a replay, ns; what comes later is left out.
@@ -123,7 +123,8 @@ impl Recording {
                 Operation::Send { port, message } => {
                     let index = usize::from(*port) % ports.len();
                     if attached[index] {
-                        let bytes = session::bytes(run.rig(), &settings, ports[index], message);
+                        let PortId { device, link } = ports[index];
+                        let bytes = message.bytes(&run.scenario().rig.devices[device], link);
                         run.send(ports[index], now, &bytes)
                     } else {
                         attached[index] = true;

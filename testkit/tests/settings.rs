@@ -8,8 +8,10 @@ use rigsim_core::settings::SimSettings;
 use rigsim_physics::WorldMap;
 use rigsim_settings::load_toml;
 use rigsim_testkit::setting::{ends, entries, line};
-use rigsim_testkit::text::{self, HowLong};
+use rigsim_testkit::text;
 
+/// Time of a round, of which a device gets a command in every tenth.
+const PACE: Duration = Duration::from_millis(50);
 /// Numbers that no setting means. Some are in a range all the same.
 const ABSURD: &[&str] = &[
     "nan", "-nan", "inf", "-inf", "1e308", "-1e308", "1e39", "-1e39", "1e-308", "0", "-0.0", "-1",
@@ -74,8 +76,7 @@ fn absurd_values_are_refused_by_name_or_do_no_harm() {
                 }
                 Ok(()) => {
                     driven += 1;
-                    let (map, long) = (WorldMap::default(), Duration::from_secs(1));
-                    text::drive(&settings, map, HowLong::For(long));
+                    text::drive(&settings, WorldMap::default(), PACE, 20);
                 }
             }
             for not_finite in ["nan", "inf", "1e308", "1e400"] {
@@ -104,8 +105,7 @@ fn both_ends_of_every_range_drive() {
             assert_eq!(loaded, Ok(()), "{text}");
             tried += 1;
             println!("{text}");
-            let (map, long) = (WorldMap::default(), Duration::from_secs(1));
-            text::drive(&settings, map, HowLong::For(long));
+            text::drive(&settings, WorldMap::default(), PACE, 20);
         }
     }
     assert!(tried > 200, "{tried}");
@@ -143,6 +143,6 @@ proptest! {
     fn any_extremes_together_drive(text in any_extremes()) {
         let mut settings = SimSettings::new(rigsim_core::SHIPPED);
         prop_assert_eq!(load_toml(&text, "my.toml", &mut settings), Ok(()));
-        text::drive(&settings, WorldMap::default(), HowLong::For(Duration::from_millis(500)));
+        text::drive(&settings, WorldMap::default(), PACE, 10);
     }
 }
