@@ -15,7 +15,7 @@
 //! | [`session`] | a sequence of operations on devices in a world, with any settings | finite physics, time forward, bounded output, right frames |
 //! | [`text`] | settings, world, rig and scenario files | refused in words, or built and run for a while |
 //! | [`document`] | the repository's scenario, rig and world files, mutated | refused in words, or played to their end, the same again |
-//! | [`trace`] | recordings of live runs, whole and damaged | the same again, or refused in words |
+//! | [`trace`] | any text in the place of a trace | replayed, or refused in words |
 
 #![expect(
     clippy::panic,
