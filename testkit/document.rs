@@ -1,4 +1,6 @@
-//! Whole documents: the repository's scenario, rig and world files with something changed in them.
+//! Whole documents: the repository's scenario, rig and world files with something changed in them. They
+//! are refused in words, or played: what is simulated is finite, the run ends with a verdict in its time,
+//! the same again is the same, and so is its recording.
 //!
 //! A change drops, doubles or swaps parts, or puts something in the place of a value: what stands at
 //! the same key in another document, an end of its range, a setting, a fault, a condition, or a value
@@ -6,12 +8,45 @@
 //! that it is changed, too; a test says so.
 
 pub mod corpus;
-pub mod play;
+
+use std::time::Duration;
 
 use arbitrary::{Result, Unstructured};
+use rigsim_runner::trace::Replay;
 use toml::{Table, Value};
 
+use crate::text;
 use corpus::{Family, Kind, merge};
+
+/// Most simulated time of most runs; one in eight is played to its end.
+const MOST_TIME: Duration = Duration::from_millis(2500);
+
+/// Plays a scenario, rig or world file, as the first byte says.
+pub fn play(choices: &[u8]) {
+    let (first, rest) = choices.split_first().unwrap_or((&0, &[]));
+    match first % 8 {
+        0 => text::world(&text(Kind::World, rest)),
+        1 => text::rig(&text(Kind::Rig, rest)),
+        2 => drop(scenario(&text(Kind::Scenario, rest), Duration::MAX)),
+        _ => drop(scenario(&text(Kind::Scenario, rest), MOST_TIME)),
+    }
+}
+
+/// Plays a scenario file, for no longer than this. Returns `true` if it was neither refused nor given up.
+#[must_use]
+pub fn scenario(text: &str, most: Duration) -> bool {
+    let Some(scenario) = text::parse(text) else {
+        return false;
+    };
+    let Some(lines) = text::play(&scenario, most) else {
+        return false;
+    };
+    let again = text::play(&scenario, most);
+    assert_eq!(again.as_ref(), Some(&lines), "another run of\n{text}");
+    let same = Replay::all(rigsim_core::SHIPPED, lines.iter().map(String::as_str));
+    assert_eq!(same, Ok(()), "the recording of\n{text}");
+    true
+}
 
 /// The text of a document of this kind.
 #[must_use]

@@ -2,6 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use rigsim_testkit::document::play;
+use rigsim_testkit::document;
 
-fuzz_target!(|choices: &[u8]| play::any(choices));
+fuzz_target!(|choices: &[u8]| document::play(choices));

@@ -133,14 +133,9 @@ pub(super) struct Family {
 impl Family {
     /// The documents of a kind about each device alone, and those about any.
     pub(super) fn all(kind: Kind) -> &'static [Self] {
-        static SCENARIOS: LazyLock<Vec<Family>> = LazyLock::new(|| Family::of(Kind::Scenario));
-        static RIGS: LazyLock<Vec<Family>> = LazyLock::new(|| Family::of(Kind::Rig));
-        static WORLDS: LazyLock<Vec<Family>> = LazyLock::new(|| Family::of(Kind::World));
-        match kind {
-            Kind::Scenario => &SCENARIOS,
-            Kind::Rig => &RIGS,
-            Kind::World => &WORLDS,
-        }
+        static ALL: LazyLock<[Vec<Family>; 3]> =
+            LazyLock::new(|| [Kind::Scenario, Kind::Rig, Kind::World].map(Family::of));
+        &ALL[kind as usize]
     }
 
     fn of(kind: Kind) -> Vec<Self> {
@@ -153,13 +148,11 @@ impl Family {
     fn new(kind: Kind, devices: Devices) -> Self {
         let is_about = |document: &Table| {
             let own = document.get("device").and_then(Value::as_array);
-            let kinds = own
+            let mut kinds = own
                 .into_iter()
                 .flatten()
                 .filter_map(|own| own["kind"].as_str());
-            kinds
-                .into_iter()
-                .all(|kind| devices.iter().any(|device| device.id == kind))
+            kinds.all(|kind| devices.iter().any(|device| device.id == kind))
         };
         let mut documents = documents(kind);
         documents.retain(is_about);

@@ -15,8 +15,7 @@ use rigsim_physics::WorldMap;
 use rigsim_runner::{RigPlan, Scenario};
 use rigsim_settings::{Source, show_toml};
 use rigsim_testkit::document::corpus::{Kind, documents};
-use rigsim_testkit::document::play::{self, Became};
-use rigsim_testkit::document::text;
+use rigsim_testkit::document::{play, scenario, text};
 use rigsim_testkit::schema;
 use serde_json::Value as Json;
 use toml::{Table, Value};
@@ -79,10 +78,7 @@ fn documents_are_sound_as_they_are() {
         }
     }
     let first = text(Kind::Scenario, &[]);
-    assert_eq!(
-        play::scenario(&first, Duration::from_secs(1)),
-        Became::Played
-    );
+    assert!(scenario(&first, Duration::from_secs(1)));
 }
 
 /// The keys of a document by the key of the table in which they stand, as in `step.fault`.
@@ -141,6 +137,6 @@ proptest! {
     fn any_document_is_refused_in_words_or_played(
         choices in prop::collection::vec(any::<u8>(), 0..200),
     ) {
-        play::any(&choices);
+        play(&choices);
     }
 }
