@@ -81,19 +81,6 @@ impl<'b> Stream<'b> {
             .zip(ends)
             .map(|(start, (end, long))| (&self.bytes[start..end], long))
     }
-
-    /// The parts that only short pauses interrupt.
-    fn parts(&self) -> Vec<&'b [u8]> {
-        let mut start = 0;
-        let mut parts = Vec::new();
-        for (at, long) in self.cuts.iter().copied().chain([(self.bytes.len(), true)]) {
-            if long {
-                parts.push(&self.bytes[start..at]);
-                start = at;
-            }
-        }
-        parts
-    }
 }
 
 /// Plays a stream to the R150's decoder and firmware.

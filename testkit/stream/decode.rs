@@ -13,21 +13,19 @@ pub(super) const TIMEOUT: Duration = Duration::from_millis(20);
 /// A pause that is shorter.
 const BREATH: Duration = Duration::from_millis(19);
 
-/// Plays a stream to a decoder: it finds what `wanted` finds in each part, passes none of the bytes
+/// Plays a stream to a decoder: it finds what another `reading` finds in each part, passes none of the bytes
 /// over in silence, reports none of the others twice, and holds nothing for ever.
 pub(super) fn decodes(
     stream: &Stream<'_>,
     mut decoder: Scanner,
-    wanted: impl Fn(&[u8]) -> Vec<Range<usize>>,
+    reading: impl Fn(&[u8]) -> Vec<Range<usize>>,
 ) {
-    let parts = stream.parts();
-    let wanted: Vec<&[u8]> = parts
-        .iter()
-        .flat_map(|part| wanted(part).into_iter().map(|range| &part[range]))
-        .collect();
+    let mut wanted = Vec::new();
     let mut found = Vec::new();
+    let (mut begin, mut end) = (0, 0);
     let mut now = SimTime::ZERO;
     for (piece, long) in stream.pieces() {
+        end += piece.len();
         for &byte in piece {
             decoder.push(now, byte, &mut |decoded| found.push(decoded));
         }
@@ -35,6 +33,9 @@ pub(super) fn decodes(
         decoder.expire(now, &mut |decoded| found.push(decoded));
         if long {
             assert_eq!(decoder.deadline(), None, "something is held for ever");
+            let part = &stream.bytes[begin..end];
+            wanted.extend(reading(part).into_iter().map(|range| &part[range]));
+            begin = end;
         }
     }
     let mut good = Vec::new();
