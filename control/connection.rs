@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::RecvTimeoutError;
+use crossbeam_channel::{Receiver, RecvTimeoutError};
 use serde_json::{Value, json};
 
 use crate::http::{self, Head};
-use crate::listener::{Message, Messages, flag, names, unknown};
+use crate::listener::{Message, flag, names, unknown};
 use crate::page;
 use crate::watch::{Watch, wait_readable};
 use crate::{Ask, Listener, Refusal, Reply, Shared, Wants};
@@ -207,7 +207,7 @@ impl<'a> Connection<'a> {
         // Also at the end: messages that wait, and the end itself, are still to be written.
         loop {
             text.clear();
-            let (count, more) = next_messages(&messages, &mut text);
+            let (count, more) = next_messages(&messages, self.watch, &mut text);
             self.write_within(&text, STREAM_PATIENCE)?;
             self.watch.written(count);
             if !more {
@@ -265,9 +265,9 @@ impl<'a> Connection<'a> {
 }
 
 /// Waits for messages and takes what there are; says how many, and whether more may come.
-fn next_messages(messages: &Messages, text: &mut Vec<u8>) -> (u64, bool) {
+fn next_messages(messages: &Receiver<Message>, watch: &Watch, text: &mut Vec<u8>) -> (u64, bool) {
     let mut count = 0;
-    let first = messages.messages.recv_timeout(SIGN_OF_LIFE);
+    let first = messages.recv_timeout(SIGN_OF_LIFE);
     let more = !matches!(first, Err(RecvTimeoutError::Disconnected));
     match first {
         Ok(message) => {
@@ -278,12 +278,12 @@ fn next_messages(messages: &Messages, text: &mut Vec<u8>) -> (u64, bool) {
         Err(RecvTimeoutError::Disconnected) => {}
     }
     while text.len() < MOST_AT_ONCE
-        && let Ok(message) = messages.messages.try_recv()
+        && let Ok(message) = messages.try_recv()
     {
         count += 1;
         text.extend_from_slice(message.text().as_bytes());
     }
-    let lost = messages.take_lost();
+    let lost = watch.lost.swap(0, Ordering::Relaxed);
     if lost > 0 {
         let message = Message::new("lost", move || json!({ "messages": lost }));
         text.extend_from_slice(message.text().as_bytes());

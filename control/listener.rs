@@ -1,7 +1,6 @@
 //! Listeners, which get messages about what happens.
 
-use std::fmt;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
@@ -97,27 +96,19 @@ pub struct Listener {
     /// The kinds of message that it subscribes to.
     pub wants: Wants,
     messages: Sender<Message>,
-    lost: Arc<AtomicU64>,
     watch: Arc<Watch>,
 }
 
-/// The other end.
-pub(crate) struct Messages {
-    pub(crate) messages: Receiver<Message>,
-    lost: Arc<AtomicU64>,
-}
-
 impl Listener {
-    pub(crate) fn new(wants: Wants, watch: Arc<Watch>) -> (Self, Messages) {
-        let (sender, messages) = bounded(MOST_MESSAGES);
-        let lost = Arc::new(AtomicU64::new(0));
+    /// A listener, and the other end of it.
+    pub(crate) fn new(wants: Wants, watch: Arc<Watch>) -> (Self, Receiver<Message>) {
+        let (messages, other_end) = bounded(MOST_MESSAGES);
         let listener = Self {
             wants,
-            messages: sender,
-            lost: Arc::clone(&lost),
+            messages,
             watch,
         };
-        (listener, Messages { messages, lost })
+        (listener, other_end)
     }
 
     /// Sends a message, without waiting: what it has no room for is lost, and it learns how many.
@@ -138,7 +129,7 @@ impl Listener {
 
     /// Counts a message as lost.
     pub fn lose(&self) {
-        self.lost.fetch_add(1, Ordering::Relaxed);
+        self.watch.lost.fetch_add(1, Ordering::Relaxed);
     }
 }
 
@@ -161,19 +152,6 @@ impl Message {
 
     pub(crate) fn text(&self) -> &str {
         &self.0
-    }
-}
-
-impl fmt::Debug for Message {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Message").field(&self.text()).finish()
-    }
-}
-
-impl Messages {
-    /// Number of messages that were lost since this was last asked.
-    pub(crate) fn take_lost(&self) -> u64 {
-        self.lost.swap(0, Ordering::Relaxed)
     }
 }
 

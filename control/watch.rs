@@ -28,6 +28,8 @@ pub(crate) struct Watch {
     /// Messages of a stream that were queued, and that were written.
     queued: AtomicU64,
     written: AtomicU64,
+    /// Messages that had no room, of which its reader does not know yet.
+    pub(crate) lost: AtomicU64,
     /// Its reader has not kept up, and is waited for no more until it has.
     is_slow: AtomicBool,
     /// Of this socket.
@@ -36,7 +38,7 @@ pub(crate) struct Watch {
 
 /// Silence of a socket, as its own thread finds it: of a client that asks without a pause it is seldom seen
 /// from outside.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Quiet {
     /// Counts the waits for silence that have begun.
     round: Arc<AtomicU64>,
@@ -44,11 +46,6 @@ struct Quiet {
 }
 
 impl Quiet {
-    fn new(round: Arc<AtomicU64>) -> Self {
-        let last_in = AtomicU64::new(0);
-        Self { round, last_in }
-    }
-
     fn look_at(&self, socket: &impl AsFd) {
         // In this order: what is found now was not found in a round that begins later.
         let round = self.round.load(Ordering::SeqCst);
@@ -69,8 +66,12 @@ impl Watch {
             state: AtomicU8::new(IDLE),
             queued: AtomicU64::new(0),
             written: AtomicU64::new(0),
+            lost: AtomicU64::new(0),
             is_slow: AtomicBool::new(false),
-            quiet: Quiet::new(round),
+            quiet: Quiet {
+                round,
+                ..Quiet::default()
+            },
         })
     }
 
@@ -129,23 +130,13 @@ impl Watch {
 }
 
 /// All connections.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Watches {
     all: Mutex<Vec<Arc<Watch>>>,
     /// One is about to be added.
     accepting: AtomicBool,
     /// Of the socket that they come to.
     quiet: Quiet,
-}
-
-impl Default for Watches {
-    fn default() -> Self {
-        Self {
-            all: Mutex::default(),
-            accepting: AtomicBool::new(false),
-            quiet: Quiet::new(Arc::default()),
-        }
-    }
 }
 
 impl Watches {
