@@ -334,27 +334,27 @@ fn no_query(head: &Head) -> Result<(), Refusal> {
     }
 }
 
+/// The values of the one parameter that is allowed.
+fn values<'h>(head: &'h Head, allowed: &str) -> Result<Vec<&'h str>, Refusal> {
+    let values = head.query.iter().map(|(name, value)| {
+        let value = (name == allowed).then_some(value.as_str());
+        value.ok_or_else(|| unknown(name, allowed))
+    });
+    values.collect()
+}
+
 fn add(head: &Head, body: &[u8]) -> Result<Ask, Refusal> {
     let mut wait = false;
-    for (name, value) in &head.query {
-        match name.as_str() {
-            "wait" => wait = flag(name, value)?,
-            other => return Err(unknown(other, "wait")),
-        }
+    for value in values(head, "wait")? {
+        wait = flag("wait", value)?;
     }
     let step = read_json(body)?;
     Ok(Ask::Add { step, wait })
 }
 
 fn wanted_names(head: &Head) -> Result<Ask, Refusal> {
-    let mut wanted = Vec::new();
-    for (name, value) in &head.query {
-        match name.as_str() {
-            "names" => wanted.extend(names(value)),
-            other => return Err(unknown(other, "names")),
-        }
-    }
-    Ok(Ask::Names(wanted))
+    let lists = values(head, "names")?.into_iter();
+    Ok(Ask::Names(lists.flat_map(names).collect()))
 }
 
 fn read_json(body: &[u8]) -> Result<Value, Refusal> {

@@ -134,23 +134,23 @@ impl Answer {
     }
 }
 
-/// Not an address.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("\"{0}\" is not an address with a port; write it as 127.0.0.1:0, where 0 is any free port")]
-pub struct AddressError(String);
-
 /// Reads an address and a port to listen on; port 0 is any that is free.
 ///
 /// # Errors
-/// When it is none.
-pub fn listen(text: &str) -> Result<SocketAddr, AddressError> {
+/// When it is none, in words.
+pub fn listen(text: &str) -> Result<SocketAddr, String> {
     let local = text
         .strip_prefix("localhost:")
         .and_then(|port| port.parse().ok())
         .map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
     local
         .or_else(|| text.parse().ok())
-        .ok_or_else(|| AddressError(text.chars().take(80).collect()))
+        .ok_or_else(|| {
+            let text: String = text.chars().take(80).collect();
+            format!(
+                "\"{text}\" is not an address with a port; write it as 127.0.0.1:0, where 0 is any free port"
+            )
+        })
 }
 
 /// A socket on which a simulation is looked at and changed.
