@@ -328,43 +328,38 @@ impl Shared {
 }
 
 fn accept(shared: &Arc<Shared>) {
-    while !shared.stop.load(Ordering::Relaxed) {
+    loop {
         let accepted = shared.connections.accept(&shared.socket);
+        let accepted = accepted.map(|(stream, watch)| {
+            let shared = Arc::clone(shared);
+            (stream, watch.map(|watch| Counted { shared, watch }))
+        });
         if shared.stop.load(Ordering::Relaxed) {
-            if let Ok((_, Some(watch))) = accepted {
-                shared.connections.leave(&watch);
-            }
             return;
         }
-        let Ok((stream, watch)) = accepted else {
+        match accepted {
+            Ok((stream, Some(counted))) => {
+                let serve = move || connection::serve(stream, &counted.shared, &counted.watch);
+                // A client whose thread cannot be started is hung up.
+                let thread = thread::Builder::new().name("control-client".to_owned());
+                let _ = thread.spawn(serve);
+            }
+            Ok((stream, None)) => connection::turn_away(&stream),
             // Out of descriptors, for instance; some may become free.
-            thread::sleep(Duration::from_millis(50));
-            continue;
-        };
-        let Some(watch) = watch else {
-            connection::turn_away(&stream);
-            continue;
-        };
-        let for_thread = Arc::clone(shared);
-        let served = Arc::clone(&watch);
-        let started = thread::Builder::new()
-            .name("control-client".to_owned())
-            .spawn(move || {
-                // The count is right again however this ends.
-                let _counted = Counted(&for_thread.connections, &served);
-                connection::serve(stream, &for_thread, &served);
-            });
-        if started.is_err() {
-            shared.connections.leave(&watch);
+            Err(_) => thread::sleep(Duration::from_millis(50)),
         }
     }
 }
 
-struct Counted<'a>(&'a Watches, &'a Arc<Watch>);
+/// A connection, which is one of all until this is dropped, however it ends.
+struct Counted {
+    shared: Arc<Shared>,
+    watch: Arc<Watch>,
+}
 
-impl Drop for Counted<'_> {
+impl Drop for Counted {
     fn drop(&mut self) {
-        self.0.leave(self.1);
+        self.shared.connections.leave(&self.watch);
     }
 }
 
