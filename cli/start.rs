@@ -25,7 +25,7 @@ use crate::run;
 use crate::scenario_files::Loaded;
 use crate::summary;
 use crate::visible;
-use rigsim_embed::ports::{Elsewhere, ShownPort, open_all};
+use rigsim_embed::ports::{ShownPort, open_all};
 use rigsim_embed::serve::{Begin, Ended, Server};
 
 /// Serves until a signal ends it, or the scenario.
@@ -114,16 +114,11 @@ impl Session {
         // Before anything is opened, so that a signal at any time leaves nothing behind.
         let mut waiter = Waiter::new().map_err(Failure::system)?;
         waiter.catch_signals().map_err(Failure::system)?;
-        let serial = args.serial.as_deref();
-        let elsewhere = match &args.pty_folder {
-            Some(folder) => Elsewhere::In(folder),
-            None => Elsewhere::Unlinked,
-        };
         let ports = open_all(
             &loaded.scenario,
             &loaded.folder(),
-            serial,
-            &elsewhere,
+            args.serial.as_deref(),
+            args.pty_folder.as_deref(),
             args.pty_setup(),
         )
         .map_err(Failure::system)?;

@@ -9,15 +9,6 @@ use serde_json::{Value, json};
 use crate::served::Served;
 use rigsim_pty::PortError;
 
-/// Place of ports that have been given no path.
-#[non_exhaustive]
-pub enum Elsewhere<'a> {
-    /// Wherever the system puts them.
-    Unlinked,
-    /// Into this folder, under the name of the device.
-    In(&'a Path),
-}
-
 /// A pseudo-terminal has two ends, a directory and a lock.
 const DESCRIPTORS_OF_A_PORT: u64 = 4;
 /// More than a program needs beside its ports: several runs at a time have their own ports.
@@ -25,7 +16,8 @@ const OTHER_DESCRIPTORS: u64 = 512;
 
 /// Opens every port that a client may open, which are all but those of devices that the script is
 /// the client of; relative paths are relative to `folder`, and URLs are where to listen on the
-/// network. The first device's first link is served on the real port `serial`, if one is named.
+/// network. Ports without a path are in `unnamed` under the name of the device, or wherever the system
+/// puts them. The first device's first link is served on the real port `serial`, if one is named.
 /// Pseudo-terminals are set up as `setup` says, but for the speed, which is the device's own.
 ///
 /// # Errors
@@ -34,7 +26,7 @@ pub fn open_all(
     scenario: &Scenario,
     folder: &Path,
     serial: Option<&Path>,
-    elsewhere: &Elsewhere<'_>,
+    unnamed: Option<&Path>,
     setup: PtySetup,
 ) -> Result<Vec<Served>, PortError> {
     let links = scenario.rig.links().count() as u64;
@@ -45,16 +37,14 @@ pub fn open_all(
             baud: link.baud,
             ..setup
         };
-        match (serial, &link.path, elsewhere) {
+        match (serial, &link.path, unnamed) {
             (Some(serial), ..) if id.device == 0 && id.link == 0 => {
                 Port::open_serial(serial, link.baud, 1).map(|port| Served::new(id, port))
             }
             (_, Some(path), _) if ListenAddress::is_url(path) => Served::at(id, path, setup),
             (_, Some(path), _) => Served::at(id, &folder.join(path), setup),
-            (_, None, Elsewhere::In(dir)) => Served::at(id, &dir.join(link.file_name()), setup),
-            (_, None, Elsewhere::Unlinked) => {
-                Port::open_unlinked(setup).map(|port| Served::new(id, port))
-            }
+            (_, None, Some(dir)) => Served::at(id, &dir.join(link.file_name()), setup),
+            (_, None, None) => Port::open_unlinked(setup).map(|port| Served::new(id, port)),
         }
     };
     scenario.client_links().map(open).collect()

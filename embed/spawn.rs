@@ -9,7 +9,7 @@ use rigsim_pty::{PtySetup, Waiter};
 use rigsim_runner::{Outcome, Run};
 
 use crate::error::Error;
-use crate::ports::{Elsewhere, open_all};
+use crate::ports::open_all;
 use crate::serve::{Begin, Server};
 
 /// Devices served on pseudo-terminals, for clients that open a path. When this is dropped, the
@@ -33,13 +33,7 @@ impl Spawned {
         let plan = &run.scenario().rig;
         let names = plan.devices.iter().map(|device| device.name.clone());
         let names = names.collect();
-        let ports = open_all(
-            run.scenario(),
-            folder,
-            None,
-            &Elsewhere::Unlinked,
-            PtySetup::raw(0),
-        )?;
+        let ports = open_all(run.scenario(), folder, None, None, PtySetup::raw(0))?;
         let paths = ports.iter().map(|port| (port.id, port.path.clone()));
         let paths = paths.collect();
         let waiter = Waiter::new()?;

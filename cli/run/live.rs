@@ -16,7 +16,7 @@ use crate::published::Published;
 use crate::supervise::ClientEnd;
 use crate::visible;
 use rigsim_core::SimTime;
-use rigsim_embed::ports::{Elsewhere, ShownPort, open_all};
+use rigsim_embed::ports::{ShownPort, open_all};
 use rigsim_embed::serve::{Begin, Ended, Server};
 use rigsim_pty::PtySetup;
 use rigsim_runner::{PlannedLink, Scenario};
@@ -39,12 +39,11 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     }
     let (run, playing) = Playing::begin(case, stop)?;
     let folder = folder::take(case).map_err(Failure::system)?;
-    let elsewhere = Elsewhere::In(folder.path());
     let ports = open_all(
         &case.loaded.scenario,
         &case.loaded.folder(),
         None,
-        &elsewhere,
+        Some(folder.path()),
         PtySetup::raw(0),
     )
     .map_err(Failure::system)?;
