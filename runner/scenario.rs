@@ -35,8 +35,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
+use rigsim_core::device::Devices;
 use rigsim_core::device::parameters::{Motors, Scope};
-use rigsim_core::device::{DeviceSpec, Devices};
 use rigsim_core::effect::{self, Checked};
 use rigsim_core::noise::Noise;
 use rigsim_core::settings::SimSettings;
@@ -399,12 +399,6 @@ impl Scenario {
             changed.extend(motors_schema(devices).map(|motors| ("Motors", motors)));
             changed
         })
-    }
-
-    /// Actions of people to such a device, by the keys of `operator`.
-    #[must_use]
-    pub fn operator_actions(device: &DeviceSpec) -> Vec<&'static str> {
-        effect::names(device, "operator")
     }
 
     /// The faults of its steps, by their ids in the catalogue, in the order of the file.

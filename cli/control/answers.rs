@@ -291,7 +291,7 @@ pub(super) fn schema(devices: Devices, file: &str) -> Value {
         .map(|device| {
             (
                 device.id.to_owned(),
-                json!(Scenario::operator_actions(device)),
+                json!(effect::names(device, "operator")),
             )
         })
         .collect();
