@@ -25,7 +25,7 @@ use rigsim_core::device::{Counters, DeviceSpec, View};
 use rigsim_core::rig::Rig;
 
 pub use check::identifier;
-pub(crate) use check::{CLIENT, Scope};
+pub(crate) use check::{CLIENT, Scope, check_name};
 pub use error::ExpressionError;
 use part::{NOTHING, Part};
 pub use rigsim_core::device::names::Reading;

@@ -360,6 +360,16 @@ impl Scope<'_> {
     }
 }
 
+/// Refuses what cannot be the name of what files give to conditions.
+pub(crate) fn check_name(name: &str) -> Result<(), &'static str> {
+    let is_letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let begins = name.starts_with(|c: char| c.is_ascii_digit());
+    match name.chars().all(is_letter) && !begins {
+        true => Ok(()),
+        false => Err("a name for conditions has letters, digits and _, and no digit first"),
+    }
+}
+
 /// A device's name as it is written in a condition.
 pub fn identifier(name: &str) -> String {
     name.replace('-', "_")

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::condition::Reading;
+use crate::condition::{Reading, check_name};
 use crate::problems::{Problems, Put};
 
 /// A file.
@@ -184,13 +184,7 @@ impl<'t> Parameters<'t> {
             .get("parameters")
             .and_then(|given| given.get_ref().as_table());
         for (name, value) in table.into_iter().flatten() {
-            let letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
-            if !name.get_ref().chars().all(letter)
-                || name.get_ref().starts_with(|c: char| c.is_ascii_digit())
-            {
-                let why = "a name for conditions has letters, digits and _, and no digit first";
-                problems.add(name.span(), why);
-            }
+            let _ = problems.take(name.span(), check_name(name.get_ref()));
             match value.get_ref() {
                 DeValue::Array(_) | DeValue::Table(_) | DeValue::Datetime(_) => {
                     let why = "a parameter is a text, a number, true or false";

@@ -6,7 +6,7 @@ use rigsim_settings::or_allowed;
 use toml::Spanned;
 
 use super::{Checker, usual_device};
-use crate::condition::{Condition, Saved};
+use crate::condition::{Condition, Saved, check_name};
 use crate::forgiving::{self, LeftOut};
 use crate::scenario::actions;
 use crate::scenario::document::{StepText, TimeText};
@@ -264,13 +264,10 @@ impl Checker<'_> {
                 .saved
                 .iter()
                 .position(|saved| saved.name == *saved_name);
-            let letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
             let index = known.unwrap_or(self.saved.len());
-            if !saved_name.chars().all(letter)
-                || saved_name.starts_with(|c: char| c.is_ascii_digit())
-            {
-                let why = "a name for conditions has letters, digits and _, and no digit first";
-                self.problems.add(name.span(), why);
+            let checked = self.problems.take(name.span(), check_name(saved_name));
+            if checked.is_none() {
+                // It has been reported.
             } else if known.is_none() {
                 let name = saved_name.clone();
                 self.saved.push(Saved { name, is_flag });
