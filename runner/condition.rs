@@ -117,15 +117,10 @@ impl Condition {
         }
     }
 
-    /// Reads an expression that may be a number, too.
+    /// Reads an expression that may be a number, too; returns whether it is true or false.
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub(crate) fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
-        Self::parse_typed(text, scope).map(|(value, _)| value)
-    }
-
-    /// The same, and whether it is true or false.
     pub(crate) fn parse_typed(
         text: &str,
         scope: &Scope<'_>,

@@ -16,22 +16,6 @@ pub(crate) const CLIENT: &str = "client.";
 /// Most bytes of the name of a published number behind that.
 const MOST_NAME: usize = 40;
 
-/// Kind of an expression.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Type {
-    Number,
-    Flag,
-}
-
-impl Type {
-    fn word(self) -> &'static str {
-        match self {
-            Self::Number => "a number",
-            Self::Flag => "true or false",
-        }
-    }
-}
-
 enum Function {
     One(fn(f64) -> f64),
     Two(fn(f64, f64) -> f64),
@@ -78,27 +62,14 @@ pub(super) fn checked(
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
 ) -> Result<(Part, bool), String> {
-    let (part, own) = typed(expression, scope, found)?;
-    Ok((part, own == Type::Flag))
-}
-
-fn typed(
-    expression: &IdedExpr,
-    scope: &Scope<'_>,
-    found: &mut BTreeMap<String, Origin>,
-) -> Result<(Part, Type), String> {
     if let Some(name) = qualified_name(&expression.expr) {
         let (origin, unit) = scope.look_up(&name)?;
         found.insert(name.clone(), origin);
-        let own = match unit {
-            Unit::Flag => Type::Flag,
-            _ => Type::Number,
-        };
-        return Ok((Part::Name(name, origin), own));
+        return Ok((Part::Name(name, origin), matches!(unit, Unit::Flag)));
     }
     match &expression.expr {
-        Expr::Literal(literal) => typed_literal(literal),
-        Expr::Call(call) => typed_call(call, scope, found),
+        Expr::Literal(literal) => checked_literal(literal),
+        Expr::Call(call) => checked_call(call, scope, found),
         Expr::List(_) | Expr::Map(_) | Expr::Struct(_) => {
             Err("lists, maps and messages have no use here".to_owned())
         }
@@ -110,10 +81,10 @@ fn typed(
     }
 }
 
-fn typed_literal(literal: &LiteralValue) -> Result<(Part, Type), String> {
+fn checked_literal(literal: &LiteralValue) -> Result<(Part, bool), String> {
     let number = match literal {
         LiteralValue::Boolean(flag) => {
-            return Ok((Part::Value(Reading::Flag(*flag.inner())), Type::Flag));
+            return Ok((Part::Value(Reading::Flag(*flag.inner())), true));
         }
         LiteralValue::Double(number) => *number.inner(),
         #[expect(
@@ -123,25 +94,25 @@ fn typed_literal(literal: &LiteralValue) -> Result<(Part, Type), String> {
         LiteralValue::Int(whole) => *whole.inner() as f64,
         _ => return Err("only numbers, true and false can be written here".to_owned()),
     };
-    Ok((Part::Value(Reading::Number(number)), Type::Number))
+    Ok((Part::Value(Reading::Number(number)), false))
 }
 
-fn typed_call(
+fn checked_call(
     call: &CallExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
-) -> Result<(Part, Type), String> {
+) -> Result<(Part, bool), String> {
     let name = call.func_name.as_str();
     if call.target.is_some() {
         return Err(unknown_function(name));
     }
-    let (mut parts, mut types) = (Vec::new(), Vec::new());
+    let (mut parts, mut are_flags) = (Vec::new(), Vec::new());
     let mut wrong = Vec::new();
     for argument in &call.args {
-        match typed(argument, scope, found) {
-            Ok((part, own)) => {
+        match checked(argument, scope, found) {
+            Ok((part, is_flag)) => {
                 parts.push(part);
-                types.push(own);
+                are_flags.push(is_flag);
             }
             Err(why) => wrong.push(why),
         }
@@ -149,13 +120,14 @@ fn typed_call(
     if !wrong.is_empty() {
         return Err(wrong.join("; "));
     }
-    let all = |wanted: Type| match types.iter().find(|got| **got != wanted) {
-        None => Ok(()),
-        Some(got) => Err(format!(
+    let word = |is_flag| if is_flag { "true or false" } else { "a number" };
+    let all_are_flags = |wanted: bool| match are_flags.contains(&!wanted) {
+        false => Ok(()),
+        true => Err(format!(
             "`{}` wants {}, this is {}",
             shown(name),
-            wanted.word(),
-            got.word()
+            word(wanted),
+            word(!wanted)
         )),
     };
     if let Some((_, function)) = FUNCTIONS.iter().find(|(known, _)| *known == name) {
@@ -163,22 +135,22 @@ fn typed_call(
             Function::One(function) => Part::One(*function, exactly(name, parts)?),
             Function::Two(function) => Part::Two(*function, exactly(name, parts)?),
         };
-        return all(Type::Number).map(|()| (part, Type::Number));
+        return all_are_flags(false).map(|()| (part, false));
     }
     if let Some((_, sign)) = SIGNS.iter().find(|(known, _)| *known == name) {
-        match (sign, &types[..]) {
+        match (sign, &are_flags[..]) {
             (Sign::Equal | Sign::NotEqual, [left, right]) if left == right => {}
             (Sign::Equal | Sign::NotEqual, _) => {
                 let name = shown(name);
                 return Err(format!("`{name}` compares a number with true or false"));
             }
-            _ => all(Type::Number)?,
+            _ => all_are_flags(false)?,
         }
-        return Ok((Part::Compare(*sign, exactly(name, parts)?), Type::Flag));
+        return Ok((Part::Compare(*sign, exactly(name, parts)?), true));
     }
     let part = match name {
-        operators::CONDITIONAL => match types[..] {
-            [Type::Flag, yes, no] if yes == no => {
+        operators::CONDITIONAL => match are_flags[..] {
+            [true, yes, no] if yes == no => {
                 return Ok((Part::If(exactly(name, parts)?), yes));
             }
             _ => return Err("`?:` wants a condition and two values of one kind".to_owned()),
@@ -188,7 +160,7 @@ fn typed_call(
         operators::LOGICAL_NOT => Part::Not(exactly(name, parts)?),
         _ => return Err(unknown_function(name)),
     };
-    all(Type::Flag).map(|()| (part, Type::Flag))
+    all_are_flags(true).map(|()| (part, true))
 }
 
 /// The arguments of a function, if it takes so many.

@@ -65,8 +65,8 @@ impl Run {
     /// # Errors
     /// When the expression makes no sense, or has no value.
     pub fn value(&self, expression: &str) -> Result<Reading, ExpressionError> {
-        self.in_scope(|scope| Condition::parse_value(expression, scope))?
-            .value(&self.situation)
+        let (read, _) = self.in_scope(|scope| Condition::parse_typed(expression, scope))?;
+        read.value(&self.situation)
     }
 
     /// A condition as scenario files have them, to be asked for often with [`Run::holds`].
