@@ -45,7 +45,7 @@ use rigsim_settings::{Source, or_allowed, shorten};
 use schemars::JsonSchema as _;
 use serde_json::{Value, json};
 
-pub use compose::{NamedText, ScenarioText};
+pub use compose::{EXCLUSIVE, NamedText, ScenarioText};
 pub use document::Only;
 pub use files::ScenarioFiles;
 

@@ -72,11 +72,12 @@ const NAMED: [&str; 5] = ["device", "step", "always", "never", "response"];
 /// Most bytes that parameters may add to the files of a scenario.
 const MOST_FILLED: usize = 1 << 20;
 
+/// Keys of which one says when a step begins.
+pub(super) const TRIGGERS: [&str; 3] = ["at", "when", "after"];
+/// Keys of which one says what a step does.
+pub(super) const ACTIONS: [&str; 5] = ["host", "fault", "operator", "world", "expect"];
 /// Keys of a step of which one takes the place of another.
-const EXCLUSIVE: [&[&str]; 2] = [
-    &["at", "when", "after"],
-    &["host", "fault", "operator", "world", "expect"],
-];
+pub const EXCLUSIVE: [&[&str]; 2] = [&TRIGGERS, &ACTIONS];
 
 /// Puts a file over the one that it is based on.
 pub(super) fn put_over<'t>(base: DeTable<'t>, over: DeTable<'t>) -> DeTable<'t> {

@@ -10,6 +10,7 @@ use rigsim_core::device::Devices;
 use rigsim_core::device::names::Unit;
 use rigsim_core::settings::SimSettings;
 use rigsim_physics::WorldMap;
+use rigsim_runner::scenario::EXCLUSIVE;
 use rigsim_runner::{RigPlan, Scenario};
 use rigsim_settings::{Settings as _, show_toml};
 use serde_json::Value as Json;
@@ -90,12 +91,6 @@ fn document(path: &Path) -> Table {
         _ => over,
     }
 }
-
-/// Keys of a step of which one takes the place of another.
-const EXCLUSIVE: [&[&str]; 2] = [
-    &["at", "when", "after"],
-    &["host", "fault", "operator", "world", "expect"],
-];
 
 /// Puts a table over another one, key by key. Tables in lists change those of the same name, or are
 /// added.

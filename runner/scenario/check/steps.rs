@@ -9,6 +9,7 @@ use super::{Checker, usual_device};
 use crate::condition::{Condition, Saved, check_name};
 use crate::forgiving::{self, LeftOut};
 use crate::scenario::actions;
+use crate::scenario::compose::{ACTIONS, TRIGGERS};
 use crate::scenario::document::{StepText, TimeText};
 use crate::scenario::host::HostReader;
 use crate::scenario::{Only, Step, StepAction, Times, Trigger};
@@ -16,9 +17,6 @@ use crate::sources::{element, table};
 
 /// Times between repetitions, their number, and how long each lasts.
 type Timing = (Option<Times>, Option<u32>, Option<Times>);
-
-/// The keys of which one says what a step does.
-const ACTIONS: [&str; 5] = ["host", "fault", "operator", "world", "expect"];
 
 impl Checker<'_> {
     /// What a step without a name is called. Faults draw their chances by name, so a fault that is
@@ -108,7 +106,7 @@ impl Checker<'_> {
         if let Some(name) = &text.after {
             triggers.push(self.step_named(name).map(Trigger::After));
         }
-        if triggers.len() != 1 && !self.left_out.lacks(at.start, &["at", "when", "after"]) {
+        if triggers.len() != 1 && !self.left_out.lacks(at.start, &TRIGGERS) {
             let why = "exactly one of `at`, `when` and `after` says when the step begins";
             self.problems.add(at, why);
         } else if let (Some(_), Some(delay)) = (&text.at, &text.delay) {
