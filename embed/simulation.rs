@@ -9,6 +9,7 @@ use rigsim_core::report::Report;
 use rigsim_core::rig::Rig;
 use rigsim_runner::condition::{ExpressionError, Reading};
 use rigsim_runner::{Outcome, Run, RunError};
+use toml::Value;
 
 use crate::error::Error;
 use crate::port_state::PortState;
@@ -299,12 +300,12 @@ impl Device {
         if action.trim_start().starts_with('{') {
             self.step(&format!("operator = {action}"))
         } else {
-            self.step(&format!("operator = {}", Toml(action)))
+            self.step(&format!("operator = {}", Value::from(action)))
         }
     }
 
     fn step(&self, what: &str) -> Result<Step, Error> {
-        let device = Toml(&self.name);
+        let device = Value::from(self.name.as_str());
         self.simulation.step(&format!("device = {device}\n{what}"))
     }
 
@@ -314,15 +315,6 @@ impl Device {
         let state = self.simulation.state();
         let report = state.run.reports().nth(self.index);
         report.cloned().unwrap_or_default()
-    }
-}
-
-/// A text as TOML writes it.
-struct Toml<'a>(&'a str);
-
-impl std::fmt::Display for Toml<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        toml::Value::from(self.0).fmt(f)
     }
 }
 
