@@ -2,6 +2,7 @@
 
 use super::MecanumPlant;
 use super::signals::{MecanumCommands, MecanumMeasurements, PORTS, WHEELS, Wheel};
+use crate::faults::number;
 use crate::plant::{Motion, Plant as _};
 use crate::running_gear::RunningGear;
 use crate::traction::Slanted;
@@ -38,14 +39,10 @@ impl MecanumPlant {
         for (pulses, offset) in pulses.iter_mut().zip(self.pulse_offset) {
             *pulses = pulses.wrapping_add(offset);
         }
-        let readings = self.sensors.readings;
         MecanumMeasurements {
             board_powered: self.is_supplied(),
             pulses,
-            echoes: readings.echoes,
-            obstacle_ahead: readings.obstacle_ahead,
-            tag: readings.tag,
-            magnetic_bar: readings.magnetic_bar,
+            ..self.sensors.readings
         }
     }
 
@@ -97,11 +94,7 @@ impl MecanumCommands {
     /// A speed voltage cannot leave its range; what is not a number is none.
     pub(super) fn within_limits(&self) -> Self {
         Self {
-            speed_voltage: if self.speed_voltage.is_nan() {
-                0.0
-            } else {
-                self.speed_voltage.clamp(0.0, 1.0)
-            },
+            speed_voltage: number(self.speed_voltage).clamp(0.0, 1.0),
             ..*self
         }
     }

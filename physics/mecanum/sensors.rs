@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::settings::MecanumPlantSettings;
-use super::signals::ECHOES;
+use super::signals::{ECHOES, MecanumMeasurements};
 use crate::noise::Noise;
 use crate::pose::BodyMotion;
 use crate::world::{BodyId, Cone, World};
@@ -30,16 +30,6 @@ const READER_PERIOD: Duration = Duration::from_millis(50);
 /// Time between two readings of the magnetic bar: common bars, 100 a second.
 const BAR_PERIOD: Duration = Duration::from_millis(10);
 
-/// The last readings of the sensors.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Readings {
-    /// m
-    pub(super) echoes: [Option<f64>; ECHOES],
-    pub(super) obstacle_ahead: bool,
-    pub(super) tag: u32,
-    pub(super) magnetic_bar: u16,
-}
-
 /// All sensors with their mounting.
 #[derive(Debug, Clone)]
 pub(super) struct Sensors {
@@ -52,7 +42,8 @@ pub(super) struct Sensors {
     noise: f64,
     crosstalk: f64,
     pub(super) chance: Noise,
-    pub(super) readings: Readings,
+    /// The last readings; supply and pulses are not theirs.
+    pub(super) readings: MecanumMeasurements,
 }
 
 /// A cone in the axes of the body.
@@ -123,7 +114,7 @@ impl Sensors {
             noise: ultrasonic.noise,
             crosstalk: ultrasonic.crosstalk / 100.0,
             chance: Noise::new(0, "ultrasonic"),
-            readings: Readings::default(),
+            readings: MecanumMeasurements::default(),
         }
     }
 

@@ -4,7 +4,7 @@ use super::R150Plant;
 use super::fuse::FuseId;
 use super::network;
 use super::pwm;
-use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
+use super::signals::{R150Health, R150Measurements, R150Truth, Side};
 use crate::faults::EncoderState;
 use crate::plant::Plant as _;
 use crate::running_gear::RunningGear;
@@ -14,7 +14,7 @@ impl R150Plant {
     #[must_use]
     pub fn measurements(&self) -> R150Measurements {
         if !self.flow.module_powered {
-            return R150Measurements::unpowered();
+            return R150Measurements::default();
         }
         R150Measurements {
             module_powered: true,
@@ -116,24 +116,5 @@ impl R150Plant {
             *celsius = least.map_or(*celsius, |least| celsius.max(least));
         }
         celsius
-    }
-}
-
-impl R150Measurements {
-    fn unpowered() -> Self {
-        Self {
-            module_powered: false,
-            motor_rpm: Sides::default(),
-            motor_turns: Sides::default(),
-            soc: 0.0,
-            bus_voltage: 0.0,
-            rail_voltage: [0.0; RAILS],
-            rail_current: [0.0; RAILS],
-            converter_12v: 0.0,
-            supply_current: 0.0,
-            temperature: [0.0; 2],
-            pwm_in: [PwmReading::default(); 4],
-            power_module_fault: false,
-        }
     }
 }

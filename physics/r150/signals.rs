@@ -5,6 +5,7 @@ use std::ops::{Index, IndexMut};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::faults::number;
 use crate::plant::Motion;
 
 rigsim_settings::words! {
@@ -164,8 +165,8 @@ impl Default for R150Commands {
     }
 }
 
-/// Readings of the firmware's sensors.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Readings of the firmware's sensors; by default those of a module without a supply.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct R150Measurements {
     /// Set if the module has a supply at all. If not, everything else reads zero.
     pub module_powered: bool,
@@ -236,13 +237,7 @@ pub struct R150Truth {
 impl R150Commands {
     /// A bridge cannot do more than follow its supply; anything that is not a number is off.
     pub(super) fn within_limits(&self) -> Self {
-        let within = |duty: f64, low: f64| {
-            if duty.is_nan() {
-                0.0
-            } else {
-                duty.clamp(low, 1.0)
-            }
-        };
+        let within = |duty: f64, low: f64| number(duty).clamp(low, 1.0);
         Self {
             motor_duty: Sides {
                 right: within(self.motor_duty.right, -1.0),
