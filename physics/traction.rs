@@ -148,7 +148,6 @@ struct TyreLaw {
     radius: f64,
     stiffness_per_load: [f64; 2],
     relaxation_length: f64,
-    damping_time: f64,
     inverse_fade_speed: f64,
 }
 
@@ -319,7 +318,6 @@ impl TyreLaw {
                 settings.lateral_stiffness / settings.relaxation_length,
             ],
             relaxation_length: settings.relaxation_length,
-            damping_time: DAMPING_TIME,
             inverse_fade_speed: 1.0 / fade_speed,
         }
     }

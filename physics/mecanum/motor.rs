@@ -2,8 +2,8 @@
 
 use super::settings::CarMotorSettings;
 
-/// Time in which BK comes on, s: a wheel that is stopped at once would jerk its gear.
-const BRAKE_TIME: f64 = 0.02;
+/// Rate at which BK comes on, 1/s: a wheel that is stopped at once would jerk its gear.
+const BRAKE_RATE: f64 = 1.0 / 0.02;
 
 /// Order of the pins to a motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,8 +48,7 @@ pub(super) struct MotorLaw {
     full_speed: f64,
     /// rad/s²
     ramp: f64,
-    /// Rate at which BK comes on, 1/s, and its effect on a wheel that is off the ground, rad/s².
-    brake_rate: f64,
+    /// Effect of BK on a wheel that is off the ground, rad/s².
     brake_deceleration: f64,
     gain: f64,
     /// N·m for each rad of angle that is lacking.
@@ -91,7 +90,7 @@ impl Motor {
         for (order, seconds) in orders {
             let brake = self.brake;
             self.brake = if order == Order::Brake {
-                (brake + seconds * law.brake_rate).min(1.0)
+                (brake + seconds * BRAKE_RATE).min(1.0)
             } else {
                 0.0
             };
@@ -106,7 +105,7 @@ impl Motor {
                 Order::Coast => self.reference = speed,
                 Order::Brake => {
                     // It comes on evenly, and is on for the rest.
-                    let rising = (self.brake - brake) / law.brake_rate;
+                    let rising = (self.brake - brake) / BRAKE_RATE;
                     held += rising * (brake + self.brake) / 2.0 + (seconds - rising);
                     let lost = held * law.brake_deceleration;
                     self.reference = speed - speed.clamp(-lost, lost);
@@ -143,7 +142,6 @@ impl MotorLaw {
         Self {
             full_speed,
             ramp: full_speed / settings.ramp_time.as_secs_f64(),
-            brake_rate: 1.0 / BRAKE_TIME,
             brake_deceleration: settings.brake_torque / settings.inertia,
             gain: settings.speed_gain,
             integral_gain: match settings.speed_integral.as_secs_f64() {

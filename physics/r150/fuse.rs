@@ -41,8 +41,6 @@ pub(super) const FUSES: usize = 4;
 pub(super) struct Fuse {
     /// Square of the current that it carries for ever, A².
     holding: f64,
-    /// s
-    time_constant: f64,
     /// In terms of the steady current that makes it, A².
     warmth: f64,
     pub(super) blown: bool,
@@ -59,7 +57,6 @@ impl Fuse {
             let holding = rating * HOLDING_FACTOR;
             Self {
                 holding: holding * holding,
-                time_constant: TIME_CONSTANT.as_secs_f64(),
                 warmth: 0.0,
                 blown: false,
             }
@@ -72,9 +69,8 @@ impl Fuse {
         if self.blown || heating <= self.holding {
             return None;
         }
-        let time =
-            self.time_constant * libm::log((heating - self.warmth) / (heating - self.holding));
-        Some(time.max(0.0))
+        let constants = libm::log((heating - self.warmth) / (heating - self.holding));
+        Some((TIME_CONSTANT.as_secs_f64() * constants).max(0.0))
     }
 
     /// Applies a steady current for a span after which `kept` is the share of the old warmth

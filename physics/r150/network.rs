@@ -190,7 +190,7 @@ fn module_loads(demand: &Demand, flow: &mut Flow) -> Sum {
                 resistance: RESISTANCE_12V,
             },
         };
-        let (voltage, current) = converter_output(source, load, SHORT_RESISTANCE);
+        let (voltage, current) = converter_output(source, load);
         flow.rail_voltage[index] = voltage;
         flow.rail_current[index] = current;
         sum.power += source.voltage * current / CONVERTER_EFFICIENCY;
@@ -199,7 +199,7 @@ fn module_loads(demand: &Demand, flow: &mut Flow) -> Sum {
 }
 
 /// Terminal voltage and current of a converter under a load.
-fn converter_output(source: Source, load: Load, short_resistance: f64) -> (f64, f64) {
+fn converter_output(source: Source, load: Load) -> (f64, f64) {
     let across = |resistance: f64| {
         let current = source.voltage / (source.resistance + resistance);
         (current * resistance, current)
@@ -207,7 +207,7 @@ fn converter_output(source: Source, load: Load, short_resistance: f64) -> (f64, 
     match load {
         Load::Open => (source.voltage, 0.0),
         Load::Resistance(resistance) => across(resistance),
-        Load::Short => across(short_resistance),
+        Load::Short => across(SHORT_RESISTANCE),
         Load::Power(power) => {
             let square = source.voltage * source.voltage - 4.0 * source.resistance * power;
             let voltage = (source.voltage + square.max(0.0).sqrt()) / 2.0;

@@ -6,7 +6,7 @@
 mod direct;
 mod iterate;
 
-use super::{Chassis, Contact, PatchState, Traction, TyreLaw, Wheel};
+use super::{Chassis, Contact, DAMPING_TIME, PatchState, Traction, TyreLaw, Wheel};
 use iterate::Mobility;
 
 /// A patch in this step, both axes.
@@ -87,7 +87,7 @@ impl TyreLaw {
 
     /// The carcass damping time at this rolling speed, s.
     fn damping(&self, speed: f64) -> f64 {
-        self.damping_time * (1.0 - speed * self.inverse_fade_speed).max(0.0)
+        DAMPING_TIME * (1.0 - speed * self.inverse_fade_speed).max(0.0)
     }
 }
 
