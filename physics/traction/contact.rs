@@ -4,6 +4,9 @@ use nalgebra::Vector3;
 
 use super::Patch;
 
+/// Along, and across.
+const UNITS: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
+
 /// The two axes of a patch, along and across.
 ///
 /// The methods say the same thing in the forms that the solver needs, so that the axes of a tyre
@@ -19,10 +22,18 @@ pub trait Contact: Copy + std::fmt::Debug {
     fn join(&self, parts: [f64; 2]) -> [f64; 2];
 
     /// Forward part of an axis: the share of a force on it that turns the wheel back.
-    fn forward(&self, axis: usize) -> f64;
+    fn forward(&self, axis: usize) -> f64 {
+        self.join(UNITS[axis])[0]
+    }
 
     /// A unit of each axis at `place` as forward, left and turn of the body.
-    fn jacobian(&self, place: &Patch) -> [Vector3<f64>; 2];
+    fn jacobian(&self, place: &Patch) -> [Vector3<f64>; 2] {
+        let levers = self.levers(place);
+        [0, 1].map(|axis| {
+            let [forward, left] = self.join(UNITS[axis]);
+            Vector3::new(forward, left, levers[axis])
+        })
+    }
 
     /// The lever arm of each axis at `place` about the body's centre, m.
     fn levers(&self, place: &Patch) -> [f64; 2];
@@ -44,17 +55,6 @@ impl Contact for Straight {
 
     fn join(&self, parts: [f64; 2]) -> [f64; 2] {
         parts
-    }
-
-    fn forward(&self, axis: usize) -> f64 {
-        if axis == 0 { 1.0 } else { 0.0 }
-    }
-
-    fn jacobian(&self, place: &Patch) -> [Vector3<f64>; 2] {
-        [
-            Vector3::new(1.0, 0.0, -place.y),
-            Vector3::new(0.0, 1.0, place.x),
-        ]
     }
 
     fn levers(&self, place: &Patch) -> [f64; 2] {
@@ -99,23 +99,6 @@ impl Contact for Slanted {
         [
             along * ahead - across * aside,
             along * aside + across * ahead,
-        ]
-    }
-
-    fn forward(&self, axis: usize) -> f64 {
-        if axis == 0 {
-            self.axle[0]
-        } else {
-            -self.axle[1]
-        }
-    }
-
-    fn jacobian(&self, place: &Patch) -> [Vector3<f64>; 2] {
-        let [ahead, aside] = self.axle;
-        let [along, across] = self.levers(place);
-        [
-            Vector3::new(ahead, aside, along),
-            Vector3::new(-aside, ahead, across),
         ]
     }
 
