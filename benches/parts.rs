@@ -112,7 +112,7 @@ fn line_carries_a_frame(bencher: Bencher) {
 fn r150_step(bencher: Bencher) {
     let mut world = World::new(&WorldSettings::default());
     let settings = R150PlantSettings::default();
-    let mut plant = R150Plant::new(&settings, &mut world, Pose::default());
+    let mut plant = R150Plant::new("r150", &settings, &mut world, Pose::default());
     let mut commands = R150Commands {
         propulsion_power: true,
         ..R150Commands::default()
@@ -134,7 +134,12 @@ fn r150_step(bencher: Bencher) {
 #[divan::bench]
 fn r150_measurements(bencher: Bencher) {
     let mut world = World::new(&WorldSettings::default());
-    let plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
+    let plant = R150Plant::new(
+        "r150",
+        &R150PlantSettings::default(),
+        &mut world,
+        Pose::default(),
+    );
     bencher.bench_local(|| black_box(&plant).measurements());
 }
 
@@ -142,7 +147,12 @@ fn r150_measurements(bencher: Bencher) {
 #[divan::bench]
 fn r150_rest(bencher: Bencher) {
     let mut world = World::new(&WorldSettings::default());
-    let mut plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
+    let mut plant = R150Plant::new(
+        "r150",
+        &R150PlantSettings::default(),
+        &mut world,
+        Pose::default(),
+    );
     bencher.bench_local(|| plant.rest(Duration::from_millis(100)));
 }
 
@@ -153,7 +163,7 @@ fn mecanum_step_in_a_yard(bencher: Bencher) {
     let map = WorldMap::from_toml(yard, "yard").unwrap();
     let mut world = World::with_map(&WorldSettings::default(), &map);
     let settings = MecanumPlantSettings::default();
-    let mut car = MecanumPlant::new(&settings, &mut world, Pose::default());
+    let mut car = MecanumPlant::new("mecanum", &settings, &mut world, Pose::default());
     bencher.bench_local(|| {
         car.wake();
         car.before_step(&mut world);

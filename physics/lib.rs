@@ -9,7 +9,7 @@
 //! use rigsim_physics::{Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
 //!
 //! let mut world = World::new(&WorldSettings::default());
-//! let mut plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
+//! let mut plant = R150Plant::new("r150", &R150PlantSettings::default(), &mut world, Pose::default());
 //! let mut commands = R150Commands::default();
 //! commands.motor_duty.right = 0.5;
 //! commands.motor_duty.left = 0.5;

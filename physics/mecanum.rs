@@ -76,20 +76,9 @@ pub struct MecanumPlant {
 }
 
 impl MecanumPlant {
-    /// Puts a car into the world, standing, under the name `mecanum`.
-    #[must_use]
-    pub fn new(settings: &MecanumPlantSettings, world: &mut World, pose: Pose) -> Self {
-        Self::with_name("mecanum", settings, world, pose)
-    }
-
     /// Puts a car into the world, standing; `name` is what errors call it.
     #[must_use]
-    pub fn with_name(
-        name: &str,
-        settings: &MecanumPlantSettings,
-        world: &mut World,
-        pose: Pose,
-    ) -> Self {
+    pub fn new(name: &str, settings: &MecanumPlantSettings, world: &mut World, pose: Pose) -> Self {
         let drive = Drive::new(name, world, settings);
         let shape = BodyShape {
             length: settings.body.length,

@@ -5,7 +5,6 @@ use std::time::Duration;
 use crate::drawing::Drawing;
 use crate::faults::BodyFaults;
 use crate::pose::Pose;
-use crate::twist::Wrench;
 use crate::vehicle_body::VehicleBody;
 use crate::world::{BodyId, World};
 
@@ -92,10 +91,5 @@ pub trait Plant {
     fn set_body_faults(&mut self, world: &mut World, faults: &BodyFaults) {
         self.vehicle_mut().set_faults(faults);
         self.apply_payload(world);
-    }
-
-    /// Pushes steadily until changed.
-    fn set_push(&mut self, push: Wrench) {
-        self.vehicle_mut().set_push(push);
     }
 }

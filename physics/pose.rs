@@ -71,26 +71,4 @@ impl BodyMotion {
             turn: self.yaw_rate,
         }
     }
-
-    /// Returns whether nothing at all moves.
-    #[must_use]
-    pub fn is_still(&self) -> bool {
-        self.vx == 0.0 && self.vy == 0.0 && self.yaw_rate == 0.0
-    }
-
-    /// Returns whether every number is finite.
-    #[must_use]
-    pub fn is_finite(&self) -> bool {
-        [
-            self.x,
-            self.y,
-            self.cos,
-            self.sin,
-            self.vx,
-            self.vy,
-            self.yaw_rate,
-        ]
-        .iter()
-        .all(|value| value.is_finite())
-    }
 }

@@ -75,20 +75,9 @@ pub struct R150Plant {
 }
 
 impl R150Plant {
-    /// Puts a vehicle into the world, standing, under the name `r150`.
-    #[must_use]
-    pub fn new(settings: &R150PlantSettings, world: &mut World, pose: Pose) -> Self {
-        Self::with_name("r150", settings, world, pose)
-    }
-
     /// Puts a vehicle into the world, standing; `name` is what errors call it.
     #[must_use]
-    pub fn with_name(
-        name: &str,
-        settings: &R150PlantSettings,
-        world: &mut World,
-        pose: Pose,
-    ) -> Self {
+    pub fn new(name: &str, settings: &R150PlantSettings, world: &mut World, pose: Pose) -> Self {
         let drive = Drive::new(name, world, settings);
         let shape = BodyShape {
             length: settings.body.length,
@@ -217,7 +206,8 @@ impl R150Plant {
     }
 
     /// The side for which the firmware takes the motor and the encoder of a side.
-    fn port_of(&self, side: Side) -> Side {
+    #[must_use]
+    pub fn port_of(&self, side: Side) -> Side {
         match (self.faults.sides_swapped, side) {
             (false, side) => side,
             (true, Side::Right) => Side::Left,

@@ -117,7 +117,7 @@ struct Outside {
 /// The running gear; wheels that are geared together are one.
 #[derive(Debug, Clone)]
 pub struct RunningGear<const WHEELS: usize, C = Straight> {
-    traction: Traction<WHEELS, PATCHES, C>,
+    pub(crate) traction: Traction<WHEELS, PATCHES, C>,
     /// rad/s
     pub(crate) wheel_speed: [f64; WHEELS],
     /// Acceleration of each at the end of the last step, rad/s².
@@ -203,11 +203,6 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         self.stance.centre_height =
             (body.mass * body.height + payload.mass * payload.height) / self.mass;
         self.stance.centre = payload.place.map(|place| payload.mass * place / self.mass);
-    }
-
-    /// Sets the drag of rollers, as shares of the load.
-    pub(crate) fn set_drag(&mut self, drags: [f64; PATCHES]) {
-        self.traction.set_drag(drags);
     }
 
     /// Forces a wheel to a stand, as one that is blocked.

@@ -113,7 +113,6 @@ pub struct World {
     /// Pieces of magnetic strips.
     strips: Vec<Band>,
     bodies: Vec<Body>,
-    steps: u64,
     /// Counts whatever sensors may notice.
     changes: u64,
     tolerances: Tolerances,
@@ -155,7 +154,6 @@ impl World {
             tags: Vec::new(),
             strips: Vec::new(),
             bodies: Vec::new(),
-            steps: 0,
             changes: 0,
             tolerances: settings.tolerances,
             seed: 0,
@@ -182,7 +180,6 @@ impl World {
     pub fn step(&mut self) -> Result<(), PhysicsError> {
         self.rapier.step();
         self.end_leads();
-        self.steps += 1;
         self.check_finite()?;
         self.record_contacts();
         Ok(())
@@ -192,12 +189,6 @@ impl World {
     #[must_use]
     pub fn step_length(&self) -> Duration {
         self.step
-    }
-
-    /// Steps taken so far.
-    #[must_use]
-    pub fn steps(&self) -> u64 {
-        self.steps
     }
 
     /// Acceleration of gravity, m/s².

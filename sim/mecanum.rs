@@ -120,7 +120,7 @@ impl Mecanum {
     /// instead of the magnetic sensor's.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         let MecanumSettings { firmware, plant } = setup.own::<MecanumSettings>().clone();
-        let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
+        let mut plant = MecanumPlant::new(setup.name, &plant, world, setup.pose);
         let chance = format!("{}.ultrasonic", setup.name);
         plant.set_chance(Noise::new(setup.seed, &chance));
         let measured = plant.measurements();

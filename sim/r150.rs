@@ -119,7 +119,7 @@ impl R150 {
             0 => Start::Ready,
             _ => Start::Locked,
         };
-        let plant = R150Plant::with_name(name, &settings.plant, world, setup.pose);
+        let plant = R150Plant::new(name, &settings.plant, world, setup.pose);
         let noise = Noise::new(seed, &format!("{name}.noise"));
         let reply_time = Noise::new(seed, &format!("{name}.reply_time"));
         let device = R150Device::new(

@@ -87,7 +87,12 @@ impl<'b> Stream<'b> {
 pub fn r150(stream: &Stream<'_>) {
     static DEVICE: LazyLock<R150Device> = LazyLock::new(|| {
         let mut world = World::new(&WorldSettings::default());
-        let plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
+        let plant = R150Plant::new(
+            "r150",
+            &R150PlantSettings::default(),
+            &mut world,
+            Pose::default(),
+        );
         let settings = R150FirmwareSettings::default();
         let noise = || Noise::new(1, "noise");
         R150Device::new(
@@ -163,7 +168,7 @@ fn split_mecanum(stream: &Stream<'_>, link: Link) {
     static DEVICE: LazyLock<MecanumDevice> = LazyLock::new(|| {
         let mut world = World::new(&WorldSettings::default());
         let settings = MecanumPlantSettings::default();
-        let plant = MecanumPlant::new(&settings, &mut world, Pose::default());
+        let plant = MecanumPlant::new("mecanum", &settings, &mut world, Pose::default());
         let settings = MecanumFirmwareSettings::default();
         MecanumDevice::new(SimTime::ZERO, settings, true, plant.measurements())
     });

@@ -96,6 +96,7 @@ impl Drive {
         let wheel = &settings.wheel;
         let drag = wheel.roller_drag * (1.0 + wheel.roller_drag_growth * payload / body.mass);
         self.gear
+            .traction
             .set_drag(self.roller_factors.map(|factor| factor * drag));
         let unladen = Mass {
             mass: body.mass,

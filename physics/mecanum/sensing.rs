@@ -19,8 +19,6 @@ pub struct MecanumTruth {
     pub wheel_angle: [f64; WHEELS],
     /// Torque of each motor at its wheel, N·m; brakes not included.
     pub motor_torque: [f64; WHEELS],
-    /// Set while the plant rests.
-    pub at_rest: bool,
 }
 
 impl MecanumPlant {
@@ -85,7 +83,6 @@ impl MecanumPlant {
             wheel_speed: self.drive.gear.wheel_speed,
             wheel_angle: self.drive.wheel_angle,
             motor_torque: self.drive.motor_torque,
-            at_rest: self.body.is_resting(),
         }
     }
 }

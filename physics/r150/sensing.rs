@@ -57,7 +57,6 @@ impl R150Plant {
             health: self.health(),
             motor_celsius: self.slow.motors.map(|[motor, _]| motor).into(),
             driver_celsius: self.slow.motors.map(|[_, driver]| driver).into(),
-            at_rest: self.body.is_resting(),
         }
     }
 

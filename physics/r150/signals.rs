@@ -230,8 +230,6 @@ pub struct R150Truth {
     pub motor_celsius: Sides<f64>,
     /// Temperature of the motor drivers, °C.
     pub driver_celsius: Sides<f64>,
-    /// Set while the plant rests.
-    pub at_rest: bool,
 }
 
 impl R150Commands {

@@ -23,7 +23,7 @@ fn ice(step_us: u64, slope: f64) -> World {
 
 fn add(world: &mut World, name: &str, x: f64, y: f64) -> R150Plant {
     let pose = Pose { x, y, heading: 0.0 };
-    R150Plant::with_name(name, &R150PlantSettings::default(), world, pose)
+    R150Plant::new(name, &R150PlantSettings::default(), world, pose)
 }
 
 fn go_on(world: &mut World, plants: &mut [R150Plant], seconds: f64) {
@@ -61,7 +61,7 @@ fn what_is_spun_up_keeps_its_way() {
         let mut world = ice(step, 0.0);
         let mut plant = add(&mut world, "r150", 0.0, 0.0);
         world.set_velocity(plant.body(), [1.4, 0.0], 0.0);
-        plant.set_push(Wrench {
+        plant.vehicle_mut().set_push(Wrench {
             turn: 16.0,
             ..Wrench::default()
         });

@@ -86,8 +86,8 @@ fn digest() -> u64 {
     let settings = R150PlantSettings::default();
     let pose = |x, y, heading| Pose { x, y, heading };
     let plants = vec![
-        R150Plant::with_name("first", &settings, &mut world, pose(0.0, 0.0, 0.3)),
-        R150Plant::with_name("second", &settings, &mut world, pose(2.5, 0.6, 2.8)),
+        R150Plant::new("first", &settings, &mut world, pose(0.0, 0.0, 0.3)),
+        R150Plant::new("second", &settings, &mut world, pose(2.5, 0.6, 2.8)),
     ];
     let mut scene = Scene {
         world,

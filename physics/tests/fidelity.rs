@@ -170,7 +170,12 @@ fn disagreement() -> [f64; 2] {
             ..WorldSettings::default()
         };
         let mut world = World::new(&settings);
-        let mut plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
+        let mut plant = R150Plant::new(
+            "r150",
+            &R150PlantSettings::default(),
+            &mut world,
+            Pose::default(),
+        );
         let mut commands = R150Commands::default();
         for at in 0..20_000_000 / step {
             let duties = [

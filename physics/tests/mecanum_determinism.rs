@@ -67,8 +67,8 @@ impl Scene {
         let settings = MecanumPlantSettings::default();
         let at = |x, y, heading| Pose { x, y, heading };
         let mut cars = [
-            MecanumPlant::with_name("first", &settings, &mut world, at(0.0, 0.0, 0.2)),
-            MecanumPlant::with_name("second", &settings, &mut world, at(0.9, 0.3, 2.9)),
+            MecanumPlant::new("first", &settings, &mut world, at(0.0, 0.0, 0.2)),
+            MecanumPlant::new("second", &settings, &mut world, at(0.9, 0.3, 2.9)),
         ];
         cars[1].set_faults(&MecanumFaults {
             swaps: PlugSwaps::default()
@@ -77,6 +77,7 @@ impl Scene {
             ..MecanumFaults::default()
         });
         let r150 = R150Plant::new(
+            "r150",
             &R150PlantSettings::default(),
             &mut world,
             at(-2.5, -0.5, 0.1),

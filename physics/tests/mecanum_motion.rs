@@ -9,7 +9,7 @@ use car::{ARM, Car, FULL, MOTIONS, RADIUS};
 use rigsim_physics::faults::MotorFaults;
 use rigsim_physics::mecanum::{MecanumFaults, PlugSwaps, Port, WHEELS, Wheel};
 use rigsim_physics::world::{FrictionPatch, Obstacle, Rectangle, Shape};
-use rigsim_physics::{Ground, MecanumPlantSettings, Plant as _, Pose};
+use rigsim_physics::{Ground, MecanumPlantSettings, Plant as _, Pose, WorldMap};
 
 fn unsupplied() -> MecanumFaults {
     MecanumFaults {
@@ -90,7 +90,7 @@ fn beside(name: &str, tolerance: f64) -> f64 {
     settings.wheel.roller_spread *= tolerance;
     let mut world = rigsim_physics::World::new(&rigsim_physics::WorldSettings::default());
     let pose = Pose::default();
-    let plant = rigsim_physics::MecanumPlant::with_name(name, &settings, &mut world, pose);
+    let plant = rigsim_physics::MecanumPlant::new(name, &settings, &mut world, pose);
     let mut car = Car { world, plant };
     car.turn([1; 4], 1.0);
     car.run_while(120.0, |car| car.plant.truth().motion.distance < 20.0);
@@ -425,8 +425,7 @@ fn hit_by_another_it_wakes() {
         ..Pose::default()
     };
     let settings = MecanumPlantSettings::default();
-    let mut other =
-        rigsim_physics::MecanumPlant::with_name("other", &settings, &mut car.world, pose);
+    let mut other = rigsim_physics::MecanumPlant::new("other", &settings, &mut car.world, pose);
     // Its motors would hold it about as hard as the other can push.
     other.set_faults(&unsupplied());
     car.turn(FORWARD, 1.0);
@@ -465,10 +464,15 @@ fn each_wheel_stands_on_its_own_ground() {
     let mut car = Car::new();
     // Ice under the left wheels only.
     let ice = Rectangle::new([5.0, 0.5], 0.0, 20.0, 1.0);
-    car.world.add_friction(&FrictionPatch {
+    let frictions = vec![FrictionPatch {
         area: Shape::Rectangle(ice),
         friction: 0.02,
-    });
+    }];
+    let map = WorldMap {
+        frictions,
+        ..WorldMap::default()
+    };
+    car.world.add_map(&map).unwrap();
     car.turn(FORWARD, 1.0);
     car.run(0.3);
     println!("half on ice: {:.4?}", car.gone());

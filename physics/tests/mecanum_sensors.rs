@@ -120,7 +120,7 @@ fn at_rest_it_still_sees_others_come() {
     car.run_while(5.0, |car| !car.plant.at_rest());
     assert!(car.plant.at_rest());
     let settings = MecanumPlantSettings::default();
-    let mut other = MecanumPlant::with_name("other", &settings, &mut car.world, at(2.0, 0.0, 0.0));
+    let mut other = MecanumPlant::new("other", &settings, &mut car.world, at(2.0, 0.0, 0.0));
     let mut last = f64::INFINITY;
     for _ in 0..100 {
         other.place(&mut car.world, at(2.0 - 0.01 * last.min(1.0), 0.0, 0.0));

@@ -94,7 +94,7 @@ fn a_pushed_motor_with_its_driver_off_is_held_by_the_diodes() {
     for charge in [80.0, 100.0] {
         let mut bench = with(|s| s.battery.initial_soc = charge);
         bench.command(|commands| commands.propulsion_power = false);
-        bench.plant.set_push(Wrench {
+        bench.plant.vehicle_mut().set_push(Wrench {
             ahead: 900.0,
             ..Wrench::default()
         });
@@ -235,7 +235,7 @@ fn no_two_vehicles_drive_alike_and_none_drives_straight() {
         settings.tolerance.wheel *= tolerance;
         settings.body.payload_left = left;
         let mut world = World::new(&WorldSettings::default());
-        let plant = R150Plant::with_name(name, &settings, &mut world, Pose::default());
+        let plant = R150Plant::new(name, &settings, &mut world, Pose::default());
         let mut bench = Bench {
             world,
             plant,

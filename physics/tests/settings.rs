@@ -136,7 +136,12 @@ fn within(world: &WorldSettings, settings: &R150PlantSettings) -> (World, R150Pl
     world
         .add_obstacle(Obstacle::wall([4.0, -9.0], [4.0, 9.0], 0.02))
         .unwrap();
-    let plant = R150Plant::new(settings, &mut world, rigsim_physics::Pose::default());
+    let plant = R150Plant::new(
+        "r150",
+        settings,
+        &mut world,
+        rigsim_physics::Pose::default(),
+    );
     (world, plant)
 }
 
@@ -163,13 +168,13 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
     story
         .bench
         .command(|commands| commands.parking_brake = true);
-    story.bench.plant.set_push(Wrench {
+    story.bench.plant.vehicle_mut().set_push(Wrench {
         ahead: 2000.0,
         left: 900.0,
         ..Wrench::default()
     });
     story.drive(0.0, 0.0, 1.0);
-    story.bench.plant.set_push(Wrench::default());
+    story.bench.plant.vehicle_mut().set_push(Wrench::default());
     story.bench.world.set_ground(Ground::flat(0.8));
     story
         .bench
@@ -179,12 +184,12 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
     story
         .bench
         .command(|commands| commands.rail_on = [false; 6]);
-    story.bench.plant.set_push(Wrench {
+    story.bench.plant.vehicle_mut().set_push(Wrench {
         ahead: -900.0,
         ..Wrench::default()
     });
     story.drive(-0.5, -0.5, 1.0);
-    story.bench.plant.set_push(Wrench::default());
+    story.bench.plant.vehicle_mut().set_push(Wrench::default());
     story.bench.command(|commands| {
         commands.rail_on = [true; 6];
         commands.propulsion_power = false;
@@ -323,7 +328,7 @@ fn rolls(settings: &MecanumPlantSettings) -> Vec<String> {
     car.turn([-1; 4], 1.0);
     run(&mut car, 1.0);
     car.brake();
-    car.plant.set_push(Wrench {
+    car.plant.vehicle_mut().set_push(Wrench {
         ahead: 90.0,
         left: 20.0,
         ..Wrench::default()

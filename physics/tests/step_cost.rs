@@ -56,7 +56,7 @@ fn driving(vehicles: u32, steps: u32, left: f64) -> f64 {
                 y: f64::from(lane) * 3.0,
                 ..Pose::default()
             };
-            R150Plant::new(&R150PlantSettings::default(), &mut world, pose)
+            R150Plant::new("r150", &R150PlantSettings::default(), &mut world, pose)
         })
         .collect();
     let mut commands = R150Commands::default();
@@ -83,7 +83,7 @@ fn driving(vehicles: u32, steps: u32, left: f64) -> f64 {
 fn strafing(map: &WorldMap, steps: u32) -> f64 {
     let mut world = World::with_map(&WorldSettings::default(), map);
     let settings = MecanumPlantSettings::default();
-    let mut car = MecanumPlant::new(&settings, &mut world, Pose::default());
+    let mut car = MecanumPlant::new("mecanum", &settings, &mut world, Pose::default());
     let mut commands = MecanumCommands {
         speed_voltage: 0.5,
         ..MecanumCommands::default()
@@ -126,7 +126,7 @@ fn step_cost_of_cars() {
     let map = WorldMap::from_toml(yard, "yard").unwrap();
     let mut world = World::with_map(&WorldSettings::default(), &map);
     let settings = MecanumPlantSettings::default();
-    let mut car = MecanumPlant::new(&settings, &mut world, Pose::default());
+    let mut car = MecanumPlant::new("mecanum", &settings, &mut world, Pose::default());
     for _ in 0..400 {
         car.before_step(&mut world);
         world.step().unwrap();

@@ -1,8 +1,10 @@
 //! Things that lie and stand on the plane.
 
 use super::area::Shape;
+use super::ground::Ground;
 use super::obstacle::{MOST_PARTS, ObstacleError, Obstacles};
 use super::scan::Tag;
+use super::terrain::Change;
 use super::{World, WorldSettings};
 
 /// The contents of a world. Lengths are in metres, angles in radians counter-clockwise from x.
@@ -95,10 +97,12 @@ impl World {
             self.stand(obstacle.clone());
         }
         for slope in &map.slopes {
-            self.add_slope(slope);
+            let ground = Ground::new(0.0, slope.slope, slope.uphill);
+            self.areas.push((slope.area, Change::Slope(ground)));
         }
         for patch in &map.frictions {
-            self.add_friction(patch);
+            let ground = Ground::flat(patch.friction);
+            self.areas.push((patch.area, Change::Friction(ground)));
         }
         self.tags.extend(&map.tags);
         for strip in &map.strips {

@@ -200,18 +200,6 @@ impl Obstacles {
     pub fn iter(&self) -> impl Iterator<Item = &Obstacle> {
         self.0.iter()
     }
-
-    /// The number of obstacles.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.0.len()
-    }
-
-    /// Returns whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
 }
 
 /// Returns whether a name is free among these.

@@ -2,7 +2,6 @@
 
 use super::World;
 use super::ground::Ground;
-use super::map::{FrictionPatch, Slope};
 use crate::pose::BodyMotion;
 
 impl World {
@@ -42,20 +41,6 @@ impl World {
     /// woken by their owner.
     pub fn set_ground(&mut self, ground: Ground) {
         self.ground = ground;
-    }
-
-    /// Adds a slope to the ground.
-    pub fn add_slope(&mut self, slope: &Slope) {
-        let ground = Ground::new(0.0, slope.slope, slope.uphill);
-        self.areas.push((slope.area, Change::Slope(ground)));
-        self.changes += 1;
-    }
-
-    /// Adds an area of another friction to the ground.
-    pub fn add_friction(&mut self, patch: &FrictionPatch) {
-        let ground = Ground::flat(patch.friction);
-        self.areas.push((patch.area, Change::Friction(ground)));
-        self.changes += 1;
     }
 }
 

@@ -364,10 +364,5 @@ impl R150 {
 
 fn is_driven(plant: &R150Plant, side: Side) -> bool {
     let commands = plant.commands();
-    let port = match (plant.faults().sides_swapped, side) {
-        (false, side) => side,
-        (true, Side::Right) => Side::Left,
-        (true, Side::Left) => Side::Right,
-    };
-    commands.propulsion_power && commands.motor_duty[port] != 0.0
+    commands.propulsion_power && commands.motor_duty[plant.port_of(side)] != 0.0
 }

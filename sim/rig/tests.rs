@@ -245,7 +245,7 @@ fn full_ahead_reaches_the_manuals_speed_and_the_watchdog_ends_it() {
     let stopped = rig.device::<R150>(0).unwrap().truth();
     assert!(stopped.motion.distance - fired_at < 0.5, "{stopped:?}");
     assert_eq!(stopped.motion.forward_speed, 0.0);
-    assert!(stopped.at_rest);
+    assert!(rig.any_device(0).unwrap().plant().at_rest());
     assert!(codes(&mut rig).contains(&"watchdog_fired"));
 }
 

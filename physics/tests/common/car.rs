@@ -47,7 +47,7 @@ impl Car {
     }
 
     pub fn within(mut world: World, settings: &MecanumPlantSettings) -> Self {
-        let plant = MecanumPlant::new(settings, &mut world, Pose::default());
+        let plant = MecanumPlant::new("mecanum", settings, &mut world, Pose::default());
         Self { world, plant }
     }
 

@@ -27,7 +27,7 @@ impl Bench {
 
     pub fn with(settings: &R150PlantSettings) -> Self {
         let mut world = World::new(&WorldSettings::default());
-        let plant = R150Plant::new(settings, &mut world, Pose::default());
+        let plant = R150Plant::new("r150", settings, &mut world, Pose::default());
         Self {
             world,
             plant,

@@ -27,7 +27,7 @@ fn the_shipped_worlds_load() {
     });
     let [empty, yard, line_loop, slope] = maps;
     assert_eq!(empty, WorldMap::default());
-    assert_eq!(yard.obstacles.len(), 2 + 2 + 3);
+    assert_eq!(yard.obstacles.iter().count(), 2 + 2 + 3);
     let fence = yard.obstacles.iter().next().unwrap();
     assert_eq!(fence.solids().len(), 4);
     assert_eq!(line_loop.tags.len(), 4);

@@ -358,7 +358,7 @@ fn a_car_that_is_pushed_back_believes_that_it_drove_forward() {
         settings.firmware.idle_wheels = IdleWheels::Release;
     });
     rig.with_device(0, |car: &mut Mecanum, _, _| {
-        car.plant_mut().set_push(Wrench {
+        car.plant_mut().vehicle_mut().set_push(Wrench {
             ahead: -30.0,
             ..Wrench::default()
         })
