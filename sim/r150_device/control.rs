@@ -36,6 +36,16 @@ impl Outputs {
             pwm: self.pwm.map(|duty| duty.min(FULL_DUTY)),
         }
     }
+
+    /// Takes these parts over from others.
+    fn take(&mut self, parts: Parts, from: Self) {
+        if parts.power {
+            self.power = from.power;
+        }
+        if parts.pwm {
+            self.pwm = from.pwm;
+        }
+    }
 }
 
 /// Power, PWM, both or neither.
@@ -147,18 +157,10 @@ impl Control {
             },
         };
         let taken = wanted.without(self.by_client).without(self.held_by_app);
-        let restore = settings.on_takeover == OnTakeover::Restore;
-        if taken.power {
-            self.by_client.power = true;
-            if restore {
-                self.outputs.power = self.lost.power;
-            }
-        }
-        if taken.pwm {
-            self.by_client.pwm = true;
-            if restore {
-                self.outputs.pwm = self.lost.pwm;
-            }
+        self.by_client.power |= taken.power;
+        self.by_client.pwm |= taken.pwm;
+        if settings.on_takeover == OnTakeover::Restore {
+            self.outputs.take(taken, self.lost);
         }
         taken
     }
@@ -176,30 +178,22 @@ impl Control {
 
     /// Takes control from the client if the heartbeat is due at `now`. Returns whether it had any.
     pub(super) fn expire(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> bool {
-        if self.heartbeat_due.is_none_or(|due| due > now) {
+        if self.heartbeat_due.take_if(|due| *due <= now).is_none() {
             return false;
         }
-        self.heartbeat_due = None;
-        self.record_lost();
+        self.lost.take(self.by_client, self.outputs);
         let had = std::mem::take(&mut self.by_client);
         match settings.on_heartbeat_loss {
             OnHeartbeatLoss::Hold => {}
             OnHeartbeatLoss::App => self.apply_app_outputs(),
-            OnHeartbeatLoss::Off => {
-                if had.power {
-                    self.outputs.power = 0;
-                }
-                if had.pwm {
-                    self.outputs.pwm = [0; 4];
-                }
-            }
+            OnHeartbeatLoss::Off => self.outputs.take(had, Outputs::default()),
         }
         had.any()
     }
 
     /// The app takes (`true`) or leaves (`false`) control of power and of PWM.
     pub(super) fn app_holds(&mut self, held: Parts) {
-        self.record_lost();
+        self.lost.take(self.by_client, self.outputs);
         self.held_by_app = held;
         self.by_client = self.by_client.without(held);
         if held.any() {
@@ -213,21 +207,8 @@ impl Control {
         self.apply_app_outputs();
     }
 
-    fn record_lost(&mut self) {
-        if self.by_client.power {
-            self.lost.power = self.outputs.power;
-        }
-        if self.by_client.pwm {
-            self.lost.pwm = self.outputs.pwm;
-        }
-    }
-
     fn apply_app_outputs(&mut self) {
-        if !self.by_client.power {
-            self.outputs.power = self.app.power;
-        }
-        if !self.by_client.pwm {
-            self.outputs.pwm = self.app.pwm;
-        }
+        self.outputs
+            .take(Parts::BOTH.without(self.by_client), self.app);
     }
 }
