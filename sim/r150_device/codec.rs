@@ -28,15 +28,6 @@ pub fn crc(bytes: &[u8]) -> u16 {
     CRC.checksum(bytes)
 }
 
-/// The CRC over a command and its parameters.
-#[must_use]
-pub fn checksum(command: u8, parameters: &[u8]) -> u16 {
-    let mut digest = CRC.digest();
-    digest.update(&[command]);
-    digest.update(parameters);
-    digest.finalize()
-}
-
 /// A whole frame around a command and its parameters.
 ///
 /// # Panics
@@ -54,7 +45,7 @@ pub fn encode(command: u8, parameters: &[u8]) -> Vec<u8> {
     frame.extend_from_slice(&HEADER);
     frame.extend_from_slice(&[length, command]);
     frame.extend_from_slice(parameters);
-    frame.extend_from_slice(&checksum(command, parameters).to_le_bytes());
+    frame.extend_from_slice(&crc(&frame[COMMAND_AT..]).to_le_bytes());
     frame
 }
 
@@ -85,7 +76,8 @@ pub fn parts(frame: &[u8]) -> Option<(u8, &[u8])> {
 /// The CRC that a whole frame should have.
 #[must_use]
 pub fn expected(frame: &[u8]) -> u16 {
-    parts(frame).map_or(0, |(command, parameters)| checksum(command, parameters))
+    let covered = COMMAND_AT..frame.len().saturating_sub(2);
+    crc(frame.get(covered).unwrap_or_default())
 }
 
 #[cfg(test)]
