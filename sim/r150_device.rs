@@ -51,7 +51,7 @@ use motors::{FULL, Motors};
 use protection::Protection;
 use settings::R150FirmwareSettings;
 use speed::Speedometer;
-use vehicle::{Bridges, OperatorInput, Start, Vehicle};
+use vehicle::{OperatorInput, Start, Vehicle};
 
 /// Most frames kept until they are taken; the oldest go first.
 const MOST_OUTPUTS: usize = 4096;
@@ -59,6 +59,9 @@ const MOST_OUTPUTS: usize = 4096;
 /// Silence on the CAN after which the vehicle's controller stops the motors. The manual gives no time;
 /// this is as long as the module itself waits for its client.
 pub const CAN_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// What every firmware has, around the module's.
+type R150Shell = Shell<Vec<u8>, SystemInfo>;
 
 /// The IO module and the vehicle controller, without the hardware around them.
 #[derive(Debug, Clone)]
@@ -79,7 +82,7 @@ pub struct R150Device {
     reply_time: Noise,
     /// Replies with the time at which each begins its way.
     replies: VecDeque<(SimTime, Reply)>,
-    shell: Shell<Vec<u8>, SystemInfo>,
+    shell: R150Shell,
 }
 
 impl R150Device {
@@ -102,7 +105,7 @@ impl R150Device {
             control: Control::new(&settings),
             protection: Protection::new(settings.protection.clone()),
             motors: Motors::default(),
-            can: Can::new(CAN_TIMEOUT),
+            can: Can::default(),
             vehicle: Vehicle::new(start, &settings),
             measured,
             speeds: [measured.motor_turns.right, measured.motor_turns.left]
@@ -139,7 +142,9 @@ impl R150Device {
     /// sent up to `by` before, and simulated time stood still for `stood`. The rate of the client's
     /// commands is judged by its own clock, which ran on.
     pub fn late(&mut self, now: SimTime, by: Duration, stood: Duration) {
-        self.motors.late(now, by, stood, self.settings.baud);
+        self.motors
+            .client_clock
+            .late(now, by, stood, self.settings.baud);
     }
 
     /// Takes what the sensors read at `now`.
@@ -155,10 +160,7 @@ impl R150Device {
         if self.runs() {
             let requested = self.control.outputs.power;
             let shell = &mut self.shell;
-            self.protection
-                .sense(now, measured, requested, &mut |code, text| {
-                    shell.emit(now, code, text);
-                });
+            self.protection.sense(now, measured, requested, shell);
         }
     }
 
@@ -181,14 +183,11 @@ impl R150Device {
         let power = self.power_status();
         let set_point = self.heard_set_point();
         let drive = self.vehicle.drive(set_point, self.battery_empty());
-        let (duty, propulsion_power) = match drive {
-            Bridges::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
-            Bridges::Open => ([0.0; 2], false),
-        };
+        let duty = drive.map(|pwm| pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)));
         let stopped = self.vehicle.emergency_stop && self.settings.emergency_stop_brakes;
         R150Commands {
-            motor_duty: Sides::from(duty),
-            propulsion_power,
+            motor_duty: Sides::from(duty.unwrap_or_default()),
+            propulsion_power: duty.is_some(),
             parking_brake: self.vehicle.holds(set_point) || stopped,
             tail_power: !(self.vehicle.emergency_stop && self.settings.emergency_stop_cuts_tail),
             rail_on: std::array::from_fn(|rail| power >> rail & 1 == 1),
@@ -258,12 +257,8 @@ impl R150Device {
 
     /// The requested rails may have changed, which ends the latch of those that are off.
     fn power_requested(&mut self, now: SimTime) {
-        let shell = &mut self.shell;
         let requested = self.control.outputs.power;
-        self.protection
-            .requested(now, requested, &mut |code, text| {
-                shell.emit(now, code, text);
-            });
+        self.protection.requested(now, requested, &mut self.shell);
     }
 }
 
@@ -272,11 +267,11 @@ impl Firmware for R150Device {
     type Status = SystemInfo;
     const NAME: &'static str = "the module";
 
-    fn shell(&self) -> &Shell<Vec<u8>, SystemInfo> {
+    fn shell(&self) -> &R150Shell {
         &self.shell
     }
 
-    fn shell_mut(&mut self) -> &mut Shell<Vec<u8>, SystemInfo> {
+    fn shell_mut(&mut self) -> &mut R150Shell {
         &mut self.shell
     }
 
@@ -321,11 +316,8 @@ impl Firmware for R150Device {
         if self.motors.take_answer(now) {
             self.send_held_reply(now);
         }
-        let shell = &mut self.shell;
-        self.protection
-            .advance(now, self.control.outputs.power, &mut |code, text| {
-                shell.emit(now, code, text);
-            });
+        let requested = self.control.outputs.power;
+        self.protection.advance(now, requested, &mut self.shell);
         self.send_due(now);
     }
 

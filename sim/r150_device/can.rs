@@ -9,6 +9,8 @@ use std::time::Duration;
 
 use rigsim_settings::SimTime;
 
+use super::CAN_TIMEOUT;
+
 /// Way in which it fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -22,10 +24,9 @@ pub enum CanFailure {
 /// Most set-points on their way; the oldest arrive at once where there are more.
 const MOST_UNDER_WAY: usize = 4096;
 
-/// Set-points that the vehicle's controller hears, right then left.
-#[derive(Debug, Clone)]
+/// Set-points that the vehicle's controller hears, right then left. By default it works.
+#[derive(Debug, Clone, Default)]
 pub struct Can {
-    timeout: Duration,
     failure: Option<CanFailure>,
     /// Time at which the silence began.
     silent_since: Option<SimTime>,
@@ -35,19 +36,6 @@ pub struct Can {
 }
 
 impl Can {
-    /// One that works, with a controller that stops the motors after such a silence.
-    #[must_use]
-    pub fn new(timeout: Duration) -> Self {
-        Self {
-            timeout,
-            failure: None,
-            silent_since: None,
-            said: [0; 2],
-            heard: [0; 2],
-            under_way: VecDeque::new(),
-        }
-    }
-
     /// Fails in another way, or no more.
     pub fn fail(&mut self, now: SimTime, said: [i16; 2], failure: Option<CanFailure>) {
         if failure != self.failure {
@@ -66,7 +54,7 @@ impl Can {
             None => self.heard = said,
             Some(CanFailure::Cut) => {
                 let since = *self.silent_since.get_or_insert(now);
-                if now >= since + self.timeout {
+                if now >= since + CAN_TIMEOUT {
                     self.heard = [0; 2];
                 }
             }
@@ -89,7 +77,7 @@ impl Can {
     pub fn deadline(&self) -> Option<SimTime> {
         match self.failure? {
             CanFailure::Cut => {
-                let due = self.silent_since? + self.timeout;
+                let due = self.silent_since? + CAN_TIMEOUT;
                 (self.heard != [0; 2]).then_some(due)
             }
             CanFailure::Late(_) => self.under_way.front().map(|(due, _)| *due),

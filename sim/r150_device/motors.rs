@@ -8,17 +8,6 @@ use rigsim_settings::SimTime;
 use super::client_clock::{ClientClock, Sent};
 use super::settings::{OverRate, R150FirmwareSettings};
 
-/// Answer to a motor command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Answer {
-    /// At once.
-    Now,
-    /// Sent when the reply interval has passed.
-    Later,
-    /// Not at all.
-    Never,
-}
-
 /// Set-points of the client for the motors, right then left.
 #[derive(Debug, Clone, Default)]
 pub struct Motors {
@@ -38,7 +27,7 @@ pub struct Motors {
     over_rate_at: Option<SimTime>,
     /// When the last command was sent that was not ignored.
     last_taken: Option<Sent>,
-    client_clock: ClientClock,
+    pub(super) client_clock: ClientClock,
 }
 
 /// Over what time the rate of commands is judged.
@@ -53,16 +42,16 @@ const MOST_RECENT: usize = 4096;
 pub const FULL: i16 = 1000;
 
 impl Motors {
-    /// Takes a command that is answered if `answered`; values beyond ±1000 are clamped. Says how it
-    /// is answered, by a reply that begins `delay` later, and how many commands were sent within a
-    /// second if that is more than is allowed.
+    /// Takes a command that is answered if `answered`; values beyond ±1000 are clamped. Says whether it
+    /// is answered now, by a reply that begins `delay` later, and how many commands were sent within
+    /// a second if that is more than is allowed.
     pub fn command(
         &mut self,
         (now, delay): (SimTime, Duration),
         set_point: [i16; 2],
         answered: bool,
         settings: &R150FirmwareSettings,
-    ) -> (Answer, Option<usize>) {
+    ) -> (bool, Option<usize>) {
         let sent = self.client_clock.sent(now);
         let over_rate = self.over_rate(now, sent, settings);
         let answer = self.answer((now, delay, sent), set_point, answered, settings);
@@ -75,33 +64,30 @@ impl Motors {
         set_point: [i16; 2],
         answered: bool,
         settings: &R150FirmwareSettings,
-    ) -> Answer {
+    ) -> bool {
         let interval = settings.motor_reply_interval;
         let was_sent_too_soon = self
             .last_taken
             .is_some_and(|last| !sent.may_be_after(last, interval));
         if was_sent_too_soon && settings.over_rate == OverRate::Ignore {
-            return Answer::Never;
+            return false;
         }
         self.set_point = set_point.map(|pwm| pwm.clamp(-FULL, FULL));
         self.watchdog_due = Some(now + settings.motor_watchdog);
         self.missed = false;
         if !answered {
-            return Answer::Never;
+            return false;
         }
         self.last_taken = Some(sent);
         // A busy machine excuses the client, and never makes the module answer faster.
         if self.may_answer(now + delay, settings) {
             self.answer_due = None;
-            return Answer::Now;
+            return true;
         }
-        match settings.over_rate {
-            OverRate::Silent | OverRate::Answer => Answer::Never,
-            OverRate::Delay | OverRate::Ignore => {
-                self.answer_due = Some(self.next_answer - delay);
-                Answer::Later
-            }
+        if matches!(settings.over_rate, OverRate::Delay | OverRate::Ignore) {
+            self.answer_due = Some(self.next_answer - delay);
         }
+        false
     }
 
     /// Returns whether a reply may begin at `at`.
@@ -147,11 +133,6 @@ impl Motors {
         Some(most + 1)
     }
 
-    /// See [`super::R150Device::late`].
-    pub fn late(&mut self, now: SimTime, by: Duration, stood: Duration, baud: u32) {
-        self.client_clock.late(now, by, stood, baud);
-    }
-
     /// Forgets everything that was commanded.
     pub fn restart(&mut self) {
         *self = Self {
@@ -162,22 +143,16 @@ impl Motors {
 
     /// Stops the motors if the watchdog is due at `now`; returns the set-point that it cleared.
     pub fn expire(&mut self, now: SimTime) -> Option<[i16; 2]> {
-        if self.watchdog_due.is_none_or(|due| due > now) {
-            return None;
-        }
-        self.watchdog_due = None;
+        self.watchdog_due.take_if(|due| *due <= now)?;
         let cleared = std::mem::take(&mut self.set_point);
         (cleared != [0, 0]).then_some(cleared)
     }
 
     /// Passes over the time of the watchdog without effect; says whether that left the motors on.
     pub fn miss_watchdog(&mut self, now: SimTime) -> bool {
-        if self.watchdog_due.is_none_or(|due| due > now) {
-            return false;
-        }
-        self.watchdog_due = None;
-        self.missed = true;
-        self.set_point != [0, 0]
+        let missed = self.watchdog_due.take_if(|due| *due <= now).is_some();
+        self.missed |= missed;
+        missed && self.set_point != [0, 0]
     }
 
     /// The watchdog works again, and makes up for what it has missed.
@@ -189,10 +164,6 @@ impl Motors {
 
     /// Takes the delayed answer if it is due at `now`.
     pub fn take_answer(&mut self, now: SimTime) -> bool {
-        let due = self.answer_due.is_some_and(|due| due <= now);
-        if due {
-            self.answer_due = None;
-        }
-        due
+        self.answer_due.take_if(|due| *due <= now).is_some()
     }
 }

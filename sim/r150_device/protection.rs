@@ -9,11 +9,10 @@ use rigsim_physics::r150::R150Measurements;
 use rigsim_settings::SimTime;
 
 use super::command::sys_status;
-use super::earlier;
 use super::event;
 use super::group::Group;
 use super::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
-use crate::event::Code;
+use super::{R150Shell, earlier};
 
 /// Multiple of its limit, as a current, above which any rail trips almost at once: a short pulls the
 /// voltage down, so power does not show it. The manual promises the protection without figures.
@@ -119,16 +118,14 @@ impl Protection {
     /// The client or the app asks for these outputs at `now`, as bits of `powerStatus`. That ends
     /// the latch of every group of which it asks for nothing; what it asks of a group that is
     /// withheld stays off until it is asked for again.
-    pub fn requested(&mut self, now: SimTime, requested: u8, emit: &mut impl FnMut(Code, String)) {
+    pub fn requested(&mut self, now: SimTime, requested: u8, shell: &mut R150Shell) {
         for group in Group::ALL {
             let withheld = self.withholds(self.groups[group as usize].hot);
             let state = &mut self.groups[group as usize];
             if requested & group.mask() == 0 {
                 if state.latch.take().is_some() {
-                    emit(
-                        event::TRIP_CLEARED,
-                        format!("{group} may be switched on again"),
-                    );
+                    let text = format!("{group} may be switched on again");
+                    shell.emit(now, event::TRIP_CLEARED, text);
                 }
             } else if withheld {
                 state.withhold(now);
@@ -143,9 +140,9 @@ impl Protection {
         now: SimTime,
         measured: &R150Measurements,
         requested: u8,
-        emit: &mut impl FnMut(Code, String),
+        shell: &mut R150Shell,
     ) {
-        self.sense_supply(now, measured, requested, emit);
+        self.sense_supply(now, measured, requested, shell);
         for group in Group::ALL {
             let (over, short) = self.excess(group, measured);
             let limits = &self.settings;
@@ -154,10 +151,8 @@ impl Protection {
             state.short = short.then(|| state.short.unwrap_or(now));
             if state.reported && !over && !short {
                 state.reported = false;
-                emit(
-                    event::TRIP_CLEARED,
-                    format!("{group} is within its limits again"),
-                );
+                let text = format!("{group} is within its limits again");
+                shell.emit(now, event::TRIP_CLEARED, text);
             }
             let Some(celsius) = group.temperature_c(measured) else {
                 continue;
@@ -169,21 +164,21 @@ impl Protection {
                     state.withhold(now);
                 }
                 let text = format!("{group}: over-temperature; its {}", outputs(action));
-                emit(event::OVER_TEMPERATURE, text);
+                shell.emit(now, event::OVER_TEMPERATURE, text);
             } else if state.hot && celsius < limits.over_temperature - OVER_TEMPERATURE_HYSTERESIS {
                 state.hot = false;
-                emit(event::COOLED, format!("{group} has cooled down"));
+                shell.emit(now, event::COOLED, format!("{group} has cooled down"));
             }
         }
         self.find_deadline();
     }
 
     /// Does what is due at `now`; `requested` is what the outputs should be.
-    pub fn advance(&mut self, now: SimTime, requested: u8, emit: &mut impl FnMut(Code, String)) {
+    pub fn advance(&mut self, now: SimTime, requested: u8, shell: &mut R150Shell) {
         if let Some((_, supply_v)) = self.low
             && self.supply_deadline().is_some_and(|due| due <= now)
         {
-            self.fail(now, supply_v, requested, emit);
+            self.fail(now, supply_v, requested, shell);
         }
         for group in Group::ALL {
             let state = self.groups[group as usize];
@@ -197,10 +192,8 @@ impl Protection {
             let state = &mut self.groups[group as usize];
             if state.latch.is_some() {
                 state.latch = None;
-                emit(
-                    event::TRIP_CLEARED,
-                    format!("{group} may be switched on again"),
-                );
+                let text = format!("{group} may be switched on again");
+                shell.emit(now, event::TRIP_CLEARED, text);
                 continue;
             }
             match action {
@@ -215,7 +208,7 @@ impl Protection {
                 ProtectionAction::Report => state.reported = true,
             }
             let text = format!("{group}: overcurrent; its {}", outputs(action));
-            emit(event::OVERCURRENT, text);
+            shell.emit(now, event::OVERCURRENT, text);
         }
         self.find_deadline();
     }
@@ -286,7 +279,7 @@ impl Protection {
         now: SimTime,
         measured: &R150Measurements,
         requested: u8,
-        emit: &mut impl FnMut(Code, String),
+        shell: &mut R150Shell,
     ) {
         let supply_v = measured.bus_voltage;
         let limits = &self.settings;
@@ -299,13 +292,11 @@ impl Protection {
         if self.fault {
             if !low && !measured.power_module_fault {
                 self.fault = false;
-                emit(
-                    event::POWER_MODULE_RECOVERED,
-                    "power module fault ended".to_owned(),
-                );
+                let text = "power module fault ended";
+                shell.emit(now, event::POWER_MODULE_RECOVERED, text);
             }
         } else if measured.power_module_fault {
-            self.fail(now, supply_v, requested, emit);
+            self.fail(now, supply_v, requested, shell);
         } else {
             let since = self.low.map_or(now, |(since, _)| since);
             self.low = low.then_some((since, supply_v));
@@ -328,13 +319,7 @@ impl Protection {
     }
 
     /// The module is faulty, or its supply is too low.
-    fn fail(
-        &mut self,
-        now: SimTime,
-        supply_v: f64,
-        requested: u8,
-        emit: &mut impl FnMut(Code, String),
-    ) {
+    fn fail(&mut self, now: SimTime, supply_v: f64, requested: u8, shell: &mut R150Shell) {
         self.fault = true;
         self.low = None;
         let action = self.settings.on_power_module_fault;
@@ -350,7 +335,7 @@ impl Protection {
             ProtectionAction::Report => "the outputs stay as they are",
         };
         let text = format!("power module fault at {supply_v:.1} V supply; {outputs}");
-        emit(event::POWER_MODULE_FAULT, text);
+        shell.emit(now, event::POWER_MODULE_FAULT, text);
     }
 
     fn supply_deadline(&self) -> Option<SimTime> {

@@ -9,7 +9,7 @@ use super::codec;
 use super::command::{PwmOutputs, Refusal, Reply, Request, Version, code, label};
 use super::control::{FULL_DUTY, Parts};
 use super::event;
-use super::motors::{Answer, FULL};
+use super::motors::FULL;
 use super::settings::{
     HeartbeatBy, MotorsAnswered, MotorsRefusalReply, OutOfRange, RefusalReply, ReplyCommand,
 };
@@ -162,7 +162,7 @@ impl R150Device {
             Request::Heartbeat => answered(true),
             Request::Version => self.version(),
             Request::SetMotors { right, left } => {
-                if self.set_motors(now, right, left) != Answer::Now {
+                if !self.set_motors(now, right, left) {
                     return None;
                 }
                 self.motor_reply()
@@ -213,20 +213,21 @@ impl R150Device {
         }
     }
 
-    fn set_motors(&mut self, now: SimTime, right: i16, left: i16) -> Answer {
+    /// Says whether it is answered now.
+    fn set_motors(&mut self, now: SimTime, right: i16, left: i16) -> bool {
         let set_point = [right, left];
         let beyond = set_point
             .iter()
             .any(|pwm| pwm.unsigned_abs() > FULL.unsigned_abs());
         if beyond && self.settings.on_motors_out_of_range == OutOfRange::Refuse {
             self.refuse_motors(now);
-            return Answer::Never;
+            return false;
         }
         let obstacles = self.vehicle.obstacles(self.battery_empty());
         let answered =
             self.settings.motors_answered == MotorsAnswered::Always || obstacles.is_empty();
         let delay = self.least_delay();
-        let (answer, over_rate) =
+        let (answers, over_rate) =
             self.motors
                 .command((now, delay), set_point, answered, &self.settings);
         if let Some(commands) = over_rate {
@@ -241,31 +242,32 @@ impl R150Device {
             let text = format!("motor command does not move the vehicle: {why}");
             self.shell.emit(now, event::NOT_DRIVING, text);
         }
-        answer
+        answers
     }
 
     fn reply(&mut self, now: SimTime, reply: Reply) {
-        if self.replies.len() < MOST_REPLIES {
+        if self.may_reply(now) {
             let spread = self.reply_time.uniform();
             self.reply_after(now, self.settings.reply_spread.mul_f64(spread), reply);
-        } else {
-            self.drop_reply(now);
         }
     }
 
     /// Sends the reply to motor commands that has waited for its time, and is ready.
     pub(super) fn send_held_reply(&mut self, now: SimTime) {
-        if self.replies.len() < MOST_REPLIES {
+        if self.may_reply(now) {
             let reply = self.motor_reply();
             self.reply_after(now, Duration::ZERO, reply);
-        } else {
-            self.drop_reply(now);
         }
     }
 
-    fn drop_reply(&mut self, now: SimTime) {
-        let text = "a reply was dropped: too many wait to be sent";
-        self.shell.emit(now, event::REPLY_DROPPED, text);
+    /// Returns whether another reply may wait; else it is dropped.
+    fn may_reply(&mut self, now: SimTime) -> bool {
+        let has_room = self.replies.len() < MOST_REPLIES;
+        if !has_room {
+            let text = "a reply was dropped: too many wait to be sent";
+            self.shell.emit(now, event::REPLY_DROPPED, text);
+        }
+        has_room
     }
 
     fn reply_after(&mut self, now: SimTime, spread: Duration, reply: Reply) {

@@ -123,15 +123,6 @@ pub struct Vehicle {
     settings: R150FirmwareSettings,
 }
 
-/// State of the motor bridges, right then left.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Bridges {
-    /// They apply a PWM, ±1000; 0 shorts the motor, which brakes.
-    Pwm([i16; 2]),
-    /// They are open: the vehicle can be pushed.
-    Open,
-}
-
 impl Vehicle {
     /// A vehicle as `start` says.
     #[must_use]
@@ -223,22 +214,24 @@ impl Vehicle {
         .collect()
     }
 
-    /// Returns the state of the motor bridges, given what the client wants.
+    /// Returns the PWM that the motor bridges apply, right then left, ±1000, given what the client
+    /// wants; 0 shorts the motor, which brakes. `None` if they are open: the vehicle can be pushed.
     #[must_use]
-    pub fn drive(&self, set_point: [i16; 2], battery_empty: bool) -> Bridges {
+    pub fn drive(&self, set_point: [i16; 2], battery_empty: bool) -> Option<[i16; 2]> {
         if self.emergency_stop {
-            return Bridges::Open;
+            return None;
         }
         if self.locked || self.brake_hinders() || battery_empty {
-            return Bridges::Pwm([0, 0]);
+            return Some([0, 0]);
         }
-        match self.key {
-            _ if self.autonomous => Bridges::Pwm(set_point),
-            Some(Key::Forward) => Bridges::Pwm([REMOTE_PWM; 2]),
-            Some(Key::Backward) => Bridges::Pwm([-REMOTE_PWM; 2]),
-            Some(Key::Left) => Bridges::Pwm([REMOTE_PWM, -REMOTE_PWM]),
-            Some(Key::Right) => Bridges::Pwm([-REMOTE_PWM, REMOTE_PWM]),
-            None => Bridges::Open,
+        if self.autonomous {
+            return Some(set_point);
         }
+        self.key.map(|key| match key {
+            Key::Forward => [REMOTE_PWM; 2],
+            Key::Backward => [-REMOTE_PWM; 2],
+            Key::Left => [REMOTE_PWM, -REMOTE_PWM],
+            Key::Right => [-REMOTE_PWM, REMOTE_PWM],
+        })
     }
 }

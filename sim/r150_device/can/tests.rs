@@ -5,7 +5,7 @@ const FULL: [i16; 2] = [1000, 1000];
 const BACK: [i16; 2] = [-500, -500];
 
 fn driving() -> Can {
-    let mut can = Can::new(Duration::from_millis(500));
+    let mut can = Can::default();
     can.update(MS(0), FULL);
     can
 }
