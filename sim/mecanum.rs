@@ -103,8 +103,10 @@ const BETWEEN_PULSES: Duration = Duration::from_micros(10);
 /// Firmware and hardware of one car.
 #[derive(Debug)]
 pub struct Mecanum {
-    device: MecanumDevice,
-    plant: MecanumPlant,
+    /// The firmware.
+    pub device: MecanumDevice,
+    /// The hardware.
+    pub plant: MecanumPlant,
     /// Up to when the plant has advanced.
     plant_at: SimTime,
     /// Times at which the last pulse of a wheel was taken, and the next one is to be.
@@ -143,32 +145,10 @@ impl Mecanum {
         self.plant.pass_to(now.since(self.plant_at));
     }
 
-    /// An operator works the remote control.
-    pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
-        self.device.operate(now, action);
-    }
-
-    /// The firmware's state.
-    #[must_use]
-    pub fn device(&self) -> &MecanumDevice {
-        &self.device
-    }
-
     /// Returns the true state of the car.
     #[must_use]
     pub fn truth(&self) -> MecanumTruth {
         self.plant.truth()
-    }
-
-    /// The hardware, to look at.
-    #[must_use]
-    pub fn plant(&self) -> &MecanumPlant {
-        &self.plant
-    }
-
-    /// The hardware, to load, push or break it.
-    pub fn plant_mut(&mut self) -> &mut MecanumPlant {
-        &mut self.plant
     }
 }
 

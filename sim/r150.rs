@@ -103,8 +103,10 @@ const MOST_ROUNDS: usize = 8;
 /// Firmware and hardware of one R150.
 #[derive(Debug)]
 pub struct R150 {
-    device: R150Device,
-    plant: R150Plant,
+    /// The firmware.
+    pub device: R150Device,
+    /// The hardware.
+    pub plant: R150Plant,
     /// Up to when the plant's slow states have advanced.
     plant_at: SimTime,
     watch: Watch,
@@ -139,32 +141,10 @@ impl R150 {
         vehicle
     }
 
-    /// An operator works a button.
-    pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
-        self.device.operate(now, action);
-    }
-
-    /// The firmware's state.
-    #[must_use]
-    pub fn device(&self) -> &R150Device {
-        &self.device
-    }
-
     /// Returns the true state of the vehicle.
     #[must_use]
     pub fn truth(&self) -> R150Truth {
         self.plant.truth()
-    }
-
-    /// The hardware, to look at.
-    #[must_use]
-    pub fn plant(&self) -> &R150Plant {
-        &self.plant
-    }
-
-    /// The hardware, to load or break it.
-    pub fn plant_mut(&mut self) -> &mut R150Plant {
-        &mut self.plant
     }
 }
 

@@ -60,7 +60,7 @@ fn r150_with(seed: u64, change: impl FnOnce(&mut R150Settings)) -> Rig {
     rig.add(&crate::r150::R150_SPEC, &Setup::new("r150", &settings));
     rig.with_device(0, |r150: &mut R150, _, _| {
         for rail in Rail::ALL {
-            r150.plant_mut().set_load(rail, Load::Power(5.0));
+            r150.plant.set_load(rail, Load::Power(5.0));
         }
     });
     rig.attach(MAIN, SimTime::ZERO).unwrap();

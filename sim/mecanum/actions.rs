@@ -8,10 +8,10 @@ impl Effect for OperatorInput {
     fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
         let car = at.device.typed::<Mecanum>();
         let input = *self;
-        let held = car.device().key();
+        let held = car.device.key();
         let before = held.map_or(OperatorInput::Release, OperatorInput::Press);
-        car.operate(at.now, input);
-        let restore = move |car: &mut Mecanum, now| car.operate(now, before);
+        car.device.operate(at.now, input);
+        let restore = move |car: &mut Mecanum, now| car.device.operate(now, before);
         Ok(Work::Done(vec![Change::of_own(
             "key",
             before != input,

@@ -14,7 +14,7 @@ use crate::r150_device::vehicle::{Key, OperatorInput, Vehicle};
 fn undone_by(of: &str, changed: bool, inputs: Vec<OperatorInput>) -> Change {
     Change::of_own(of, changed, move |r150: &mut R150, now| {
         for input in inputs {
-            r150.operate(now, input);
+            r150.device.operate(now, input);
         }
     })
 }
@@ -29,9 +29,9 @@ fn of_app(before: Parts, now: Parts) -> Vec<Change> {
     let change = |(of, part): (&str, Part)| {
         let [before, now] = [before, now].map(|mut all| *part(&mut all));
         let restore = move |r150: &mut R150, at| {
-            let mut held = r150.device().control().held_by_app;
+            let mut held = r150.device.control().held_by_app;
             *part(&mut held) = before;
-            r150.operate(at, OperatorInput::AppHolds(held));
+            r150.device.operate(at, OperatorInput::AppHolds(held));
         };
         Change::of_own(of, before != now, restore)
     };
@@ -60,7 +60,7 @@ const TOUCH: [OperatorInput; 2] = [
 
 /// Works buttons; returns what that changes, also where it was so before.
 fn operate(input: OperatorInput, r150: &mut R150, now: SimTime) -> Vec<Change> {
-    let vehicle = r150.device().vehicle();
+    let vehicle = r150.device.vehicle();
     let &Vehicle {
         locked,
         parked,
@@ -69,7 +69,7 @@ fn operate(input: OperatorInput, r150: &mut R150, now: SimTime) -> Vec<Change> {
         ..
     } = vehicle;
     let (held, app) = {
-        let control = r150.device().control();
+        let control = r150.device.control();
         (control.held_by_app, control.app)
     };
     let key = vehicle.key_input();
@@ -80,9 +80,9 @@ fn operate(input: OperatorInput, r150: &mut R150, now: SimTime) -> Vec<Change> {
         input => vec![input],
     };
     for &input in &inputs {
-        r150.operate(now, input);
+        r150.device.operate(now, input);
     }
-    let vehicle = r150.device().vehicle();
+    let vehicle = r150.device.vehicle();
     let back = if locked {
         OperatorInput::Lock
     } else {
@@ -111,7 +111,7 @@ fn operate(input: OperatorInput, r150: &mut R150, now: SimTime) -> Vec<Change> {
                 false => vec![stop],
             }
         }
-        OperatorInput::AppHolds(_) => of_app(held, r150.device().control().held_by_app),
+        OperatorInput::AppHolds(_) => of_app(held, r150.device.control().held_by_app),
         OperatorInput::AppSets(_) => {
             let before = OperatorInput::AppSets(app);
             vec![undone_by("app sets", input != before, vec![before])]
@@ -195,10 +195,10 @@ impl Effect for Surroundings {
     fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
         let r150 = at.device.typed::<R150>();
         let Self::PwmSignal(SignalText { input, source }) = *self;
-        let before = r150.plant().pwm_source(input);
-        r150.plant_mut().set_pwm_source(input, source);
+        let before = r150.plant.pwm_source(input);
+        r150.plant.set_pwm_source(input, source);
         let of = format!("pwm input {input}");
-        let restore = move |r150: &mut R150, _| r150.plant_mut().set_pwm_source(input, before);
+        let restore = move |r150: &mut R150, _| r150.plant.set_pwm_source(input, before);
         Ok(Work::Done(vec![Change::of_own(
             of,
             before != source,

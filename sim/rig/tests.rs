@@ -151,7 +151,7 @@ fn a_fuse_that_blows_is_reported_once() {
     rig.with_device(0, |r150: &mut R150, _, _| {
         let mut faults = rigsim_physics::r150::R150Faults::default();
         faults.fuses_out[0] = true;
-        r150.plant_mut().set_faults(&faults);
+        r150.plant.set_faults(&faults);
     });
     rig.advance(SimTime::from_millis(500)).unwrap();
     let reported: Vec<String> = std::iter::from_fn(|| rig.poll_event())
@@ -270,7 +270,7 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
     let run = |disturb: bool| {
         let mut rig = rig(Wire::Instant);
         rig.with_device(0, |r150: &mut R150, _, _| {
-            r150.plant_mut()
+            r150.plant
                 .set_load(rigsim_physics::r150::Rail::V48, Load::Power(100.0));
         });
         for second in 0..60 {
@@ -298,7 +298,7 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
 fn an_overload_on_a_real_rail_trips_through_measured_currents() {
     let mut rig = rig(Wire::Instant);
     rig.with_device(0, |r150: &mut R150, _, _| {
-        r150.plant_mut()
+        r150.plant
             .set_load(rigsim_physics::r150::Rail::V12A, Load::Power(300.0));
     });
     let on = SimTime::from_millis(7);
@@ -306,9 +306,9 @@ fn an_overload_on_a_real_rail_trips_through_measured_currents() {
         .unwrap();
     rig.advance(on + Duration::from_millis(200) - Duration::from_nanos(1))
         .unwrap();
-    assert_eq!(rig.device::<R150>(0).unwrap().device().sys_status(), 0);
+    assert_eq!(rig.device::<R150>(0).unwrap().device.sys_status(), 0);
     rig.advance(on + Duration::from_millis(200)).unwrap();
-    let device = rig.device::<R150>(0).unwrap().device();
+    let device = &rig.device::<R150>(0).unwrap().device;
     assert_eq!((device.sys_status(), device.power_status()), (1, 0));
 }
 
@@ -320,10 +320,10 @@ fn a_short_on_each_rail_trips_within_a_millisecond() {
         let all = Request::PowerControl { on: 0b11_1111 };
         rig.client_sends(PORT, on, &all.encode()).unwrap();
         rig.with_device(0, |r150: &mut R150, _, _| {
-            r150.plant_mut().set_load(rail, Load::Short)
+            r150.plant.set_load(rail, Load::Short)
         });
         rig.advance(on + Duration::from_millis(1)).unwrap();
-        let device = rig.device::<R150>(0).unwrap().device();
+        let device = &rig.device::<R150>(0).unwrap().device;
         assert_eq!(device.power_status() >> bit & 1, 0, "{rail:?}");
         assert_ne!(device.sys_status(), 0, "{rail:?}");
     }

@@ -179,7 +179,7 @@ fn actions_that_change_the_same_lie_over_one_another() {
 #[test]
 fn what_the_app_and_the_remote_control_hold_goes_back_to_what_it_was() {
     let now = |run: &Run| {
-        let r150 = run.rig().device::<R150Unit>(0).unwrap().device();
+        let r150 = &run.rig().device::<R150Unit>(0).unwrap().device;
         let held = r150.control().held_by_app;
         (r150.vehicle().key_input(), [held.power, held.pwm])
     };
@@ -194,7 +194,7 @@ fn what_the_app_and_the_remote_control_hold_goes_back_to_what_it_was() {
             run.clear_step(indices[place].0).unwrap();
             now(&run)
         });
-        let autonomous = run.rig().device::<R150Unit>(0).unwrap().device();
+        let autonomous = &run.rig().device::<R150Unit>(0).unwrap().device;
         assert!(autonomous.vehicle().autonomous, "{steps:?}");
         [indices[0].1, indices[1].1, ends[0], ends[1]]
     };

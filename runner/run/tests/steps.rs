@@ -342,7 +342,7 @@ fn steps_of_one_instant_come_in_the_order_of_the_file_and_before_anything_else()
             .rig()
             .device::<rigsim_core::r150::R150>(0)
             .unwrap()
-            .device()
+            .device
             .vehicle()
             .locked;
         let events: Vec<_> = std::iter::from_fn(|| run.poll_event())

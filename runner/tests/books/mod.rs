@@ -33,10 +33,10 @@ impl Books {
     pub fn open(run: &mut Run) {
         let rig = run.rig_mut();
         rig.with_device(0, |r150: &mut R150, _, _| {
-            r150.plant_mut().gear_mut().energy = Some(Energy::default())
+            r150.plant.gear_mut().energy = Some(Energy::default())
         });
         rig.with_device(0, |car: &mut Mecanum, _, _| {
-            car.plant_mut().gear_mut().energy = Some(Energy::default())
+            car.plant.gear_mut().energy = Some(Energy::default())
         });
     }
 
@@ -56,14 +56,14 @@ impl Books {
                 motors += truth.battery_voltage * supply;
                 windings += current * current * resistance;
             }
-            let module = truth.battery_voltage * r150.plant().measurements().supply_current;
+            let module = truth.battery_voltage * r150.plant.measurements().supply_current;
             let small_modules = R150PlantSettings::default().rails.small_modules_power;
             self.battery += power * seconds;
             self.electronics += (module + small_modules) * seconds;
             self.motors += motors * seconds;
             self.windings += windings * seconds;
             self.moved += motors.abs() * seconds;
-            check_friction(r150.plant().gear().on_ground());
+            check_friction(r150.plant.gear().on_ground());
         } else if let Some(car) = rig.device::<Mecanum>(0) {
             let truth = car.truth();
             for wheel in 0..WHEELS {
@@ -73,15 +73,15 @@ impl Books {
                 self.moved += work.abs();
             }
             self.wheel_speed = truth.wheel_speed;
-            check_friction(car.plant().gear().on_ground());
+            check_friction(car.plant.gear().on_ground());
         }
     }
 
     /// At the end of a drive, which stands: everything that was given is heat.
     pub fn close(&self, run: &Run) -> Result<(), String> {
         let rig = run.rig();
-        let r150 = rig.device::<R150>(0).map(|r150| r150.plant());
-        let car = rig.device::<Mecanum>(0).map(|car| car.plant());
+        let r150 = rig.device::<R150>(0).map(|r150| &r150.plant);
+        let car = rig.device::<Mecanum>(0).map(|car| &car.plant);
         let (energy, motor_heat) = match (r150, car) {
             (Some(plant), _) => (plant.gear().energy, self.windings),
             (_, Some(plant)) => (plant.gear().energy, 0.0),

@@ -8,7 +8,7 @@ fn a_reset_switches_everything_off_and_takes_its_time() {
     power(&mut rig, 0b11_1111);
     drive(&mut rig, 500, 500, 10);
     inject(&mut rig, "kind = \"reset\"\nboot = \"300ms\"");
-    let device = rig.device::<R150>(0).unwrap().device();
+    let device = &rig.device::<R150>(0).unwrap().device;
     assert_eq!(
         (device.power_status(), device.motor_set_point()),
         (0, [0; 2])
@@ -41,7 +41,7 @@ fn a_hung_module_drives_on_and_catches_up() {
     rig.clear(handle);
     rig.advance(cleared).unwrap();
     assert_eq!(
-        rig.device::<R150>(0).unwrap().device().motor_set_point(),
+        rig.device::<R150>(0).unwrap().device.motor_set_point(),
         [0; 2]
     );
     let fired = std::iter::from_fn(|| rig.poll_event())
@@ -107,7 +107,7 @@ fn stuck_status_hides_a_trip_that_really_happened() {
     inject(&mut rig, "kind = \"stuck-status\"");
     inject(&mut rig, "kind = \"rail-short\"\nrail = \"12v-a\"");
     run(&mut rig, MAIN, MS(50));
-    assert_ne!(rig.device::<R150>(0).unwrap().device().sys_status(), 0);
+    assert_ne!(rig.device::<R150>(0).unwrap().device.sys_status(), 0);
     let seen = info(&mut rig);
     assert_eq!((seen.sys_status, seen.power_status), (0, 0b11_1111));
     assert_eq!(seen.voltage_12v[0], 0, "what is measured is live");

@@ -17,13 +17,13 @@ fn exercise_r150(rig: &mut Rig, watchdog: bool) {
         run(rig, MAIN, MS(700));
     }
     rig.with_device(0, |r150: &mut R150, _, now| {
-        r150.operate(now, OperatorInput::Park)
+        r150.device.operate(now, OperatorInput::Park)
     });
     run(rig, MAIN, MS(50));
 }
 
 fn settled(rig: &Rig) -> bool {
-    let plant = rig.device::<R150>(0).unwrap().plant();
+    let plant = &rig.device::<R150>(0).unwrap().plant;
     *plant.faults() == R150Faults::default()
         && Side::ALL
             .iter()
@@ -71,7 +71,7 @@ fn on_the_r150() {
         run(&mut rig, MAIN, MS(700));
         rig.with_device(0, |r150: &mut R150, _, now| {
             if info.id == "brake-stuck-open" {
-                r150.operate(now, OperatorInput::Park);
+                r150.device.operate(now, OperatorInput::Park);
             }
         });
         run(&mut rig, MAIN, MS(100));
@@ -88,7 +88,7 @@ fn on_the_r150() {
         let hits = rig.hits(handle);
         assert!(settled(&rig), "{} left a trace", info.id);
         is_sound(&mut rig);
-        let vehicle = rig.device::<R150>(0).unwrap().device().vehicle().clone();
+        let vehicle = rig.device::<R150>(0).unwrap().device.vehicle().clone();
         assert!(!vehicle.locked && !vehicle.emergency_stop, "{}", info.id);
         assert!(vehicle.autonomous, "{}", info.id);
         if info.id != "brake-stuck-open" {
@@ -130,7 +130,7 @@ fn on_the_car() {
             info.id
         );
         run(&mut rig, MAIN, MS(1500));
-        let plant = rig.device::<Mecanum>(0).unwrap().plant();
+        let plant = &rig.device::<Mecanum>(0).unwrap().plant;
         assert_eq!(*plant.faults(), MecanumFaults::default(), "{}", info.id);
         for wheel in Wheel::ALL {
             assert_eq!(plant.wheel_faults(wheel), MotorFaults::default());

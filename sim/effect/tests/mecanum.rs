@@ -109,7 +109,7 @@ fn ports_that_are_swapped_more_than_once_are_where_that_leads() {
         inject(rig, &text)
     };
     let ports = |rig: &Rig| {
-        let swaps = rig.device::<Mecanum>(0).unwrap().plant().faults().swaps;
+        let swaps = rig.device::<Mecanum>(0).unwrap().plant.faults().swaps;
         [Wheel::LeftFront, Wheel::RightFront].map(|wheel| swaps.port(wheel))
     };
     swap(&mut rig, "x", "y");

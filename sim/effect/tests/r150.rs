@@ -60,7 +60,7 @@ fn a_fault_lies_over_a_load_that_changes_meanwhile() {
         "kind = \"rail-load\"\nrail = \"48v\"\npower = \"0 W\"",
     );
     rig.with_device(0, |r150: &mut R150, _, _| {
-        r150.plant_mut().set_load(Rail::V48, Load::Power(100.0));
+        r150.plant.set_load(Rail::V48, Load::Power(100.0));
     });
     assert!(info(&mut rig).current_48v.unsigned_abs() <= NOISE);
     rig.clear(short);
@@ -87,7 +87,7 @@ fn a_supply_that_breaks_down_under_the_load_comes_and_goes_with_the_steps_and_no
     );
     // The key is held down however often the module starts again.
     rig.with_device(0, |r150: &mut R150, _, now| {
-        r150.operate(now, OperatorInput::Press(Key::Forward))
+        r150.device.operate(now, OperatorInput::Press(Key::Forward))
     });
     let steps = 200;
     rig.advance(SimTime::ZERO + rig.world().step_length() * steps)
@@ -373,16 +373,11 @@ fn operators_undo_what_the_settings_let_their_buttons_do() {
         let handle = inject(&mut rig, fault);
         run(&mut rig, MAIN, MS(100));
         rig.clear(handle);
-        let vehicle = rig.device::<R150>(0).unwrap().device().vehicle();
+        let vehicle = rig.device::<R150>(0).unwrap().device.vehicle();
         let left = vehicle.obstacles(false);
         assert_eq!(left, [], "{fault}");
         // Nothing drives of itself.
-        let duty = rig
-            .device::<R150>(0)
-            .unwrap()
-            .device()
-            .commands()
-            .motor_duty;
+        let duty = rig.device::<R150>(0).unwrap().device.commands().motor_duty;
         assert_eq!([duty.right, duty.left], [0.0, 0.0], "{fault}");
     }
 }

@@ -183,7 +183,7 @@ fn pulses_without_number_are_taken_together() {
     let pulses = |rig: &Rig| {
         rig.device::<Mecanum>(0)
             .unwrap()
-            .plant()
+            .plant
             .measurements()
             .pulses[0]
     };
@@ -280,7 +280,7 @@ fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
             blocked: true,
             ..MotorFaults::default()
         };
-        car.plant_mut().set_wheel_faults(Wheel::LeftFront, faults);
+        car.plant.set_wheel_faults(Wheel::LeftFront, faults);
     });
     let now = rig.now();
     rig.client_sends(MAIN, now, &motion(0, 30, 300)).unwrap();
@@ -292,7 +292,7 @@ fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
         "{truth:?}"
     );
     assert!(
-        car.device().running().is_some(),
+        car.device.running().is_some(),
         "its wheel has not turned far enough"
     );
 }
@@ -320,7 +320,7 @@ fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     assert_eq!(seen.last().unwrap().infra, 1);
     assert!(
         rig.world()
-            .collisions(rig.device::<Mecanum>(0).unwrap().plant().body())
+            .collisions(rig.device::<Mecanum>(0).unwrap().plant.body())
             > 0
     );
 }
@@ -358,7 +358,7 @@ fn a_car_that_is_pushed_back_believes_that_it_drove_forward() {
         settings.firmware.idle_wheels = IdleWheels::Release;
     });
     rig.with_device(0, |car: &mut Mecanum, _, _| {
-        car.plant_mut().vehicle_mut().set_push(Wrench {
+        car.plant.vehicle_mut().set_push(Wrench {
             ahead: -30.0,
             ..Wrench::default()
         })
@@ -402,14 +402,14 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
     };
     rig.add(&crate::r150::R150_SPEC, &setup);
     rig.with_device(1, |r150: &mut R150, _, _| {
-        r150.plant_mut()
+        r150.plant
             .set_load(rigsim_physics::r150::Rail::V48, Load::Open);
     });
     rig.client_sends(MAIN, SimTime::ZERO, &motion(0, 100, 500))
         .unwrap();
     run(&mut rig, MAIN, Duration::from_secs(6));
     let car = rig.device::<Mecanum>(0).unwrap();
-    assert!(rig.world().collisions(car.plant().body()) > 0);
+    assert!(rig.world().collisions(car.plant.body()) > 0);
     assert!(car.truth().motion.pose.x < 0.75, "the R150 is in the way");
 }
 
