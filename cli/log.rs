@@ -270,7 +270,7 @@ impl Printer {
         if plain || event.kind.level() != Level::Warning {
             return Some(0);
         }
-        let key = (event.device, event.kind.code().as_str());
+        let key = (event.device, event.kind.code().name);
         match self.repeats.get_mut(&key) {
             Some((last, hidden)) if event.at.since(*last).as_secs_f64() < REPEAT_SECONDS => {
                 *hidden += 1;

@@ -197,7 +197,7 @@ impl Page<'_> {
         for (of, codes) in std::iter::once(every).chain(of_devices) {
             let _ = write!(self.text, "\n| {of} | |\n|---|---|\n");
             for kind in codes.iter().filter(|kind| kind.may_be_client_error()) {
-                let _ = writeln!(self.text, "| `{kind}` | {} |", kind.about());
+                let _ = writeln!(self.text, "| `{kind}` | {} |", kind.about);
             }
         }
     }

@@ -138,7 +138,7 @@ pub fn client_report_codes(devices: Devices) -> impl Iterator<Item = &'static st
     let of_devices = devices.iter().map(|device| device.codes);
     let all = std::iter::once(code::CODES).chain(of_devices).flatten();
     all.filter(|code| code.may_be_client_error())
-        .map(|code| code.as_str())
+        .map(|code| code.name)
 }
 
 impl PartialEq for DeviceSpec {

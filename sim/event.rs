@@ -33,7 +33,8 @@ pub struct EventKind {
     bytes: Option<Vec<u8>>,
     shows_bytes: bool,
     message: Option<(&'static MessageInfo, Vec<u8>)>,
-    lost_bytes: u64,
+    /// Number of bytes that were lost.
+    pub(crate) lost_bytes: u64,
     is_excused: bool,
     fault: Option<(String, &'static str)>,
 }
@@ -132,16 +133,10 @@ impl EventKind {
         self.code
     }
 
-    /// Returns its part in the counts.
-    #[must_use]
-    pub fn role(&self) -> Role {
-        self.code.role()
-    }
-
     /// Returns how much it matters.
     #[must_use]
     pub fn level(&self) -> Level {
-        self.role().level()
+        self.code.role.level()
     }
 
     /// Index of the link that it is about, if it is about one.
@@ -161,12 +156,6 @@ impl EventKind {
     pub fn message(&self) -> Option<(&'static MessageInfo, &[u8])> {
         let (info, fields) = self.message.as_ref()?;
         Some((info, fields))
-    }
-
-    /// Number of bytes that were lost.
-    #[must_use]
-    pub fn lost_bytes(&self) -> u64 {
-        self.lost_bytes
     }
 
     /// Returns whether it is something that the client did and the protocol forbids, or that is

@@ -42,7 +42,7 @@ impl Report {
     /// Counts an event.
     pub fn add_event(&mut self, event: &Event) {
         let kind = &event.kind;
-        match kind.role() {
+        match kind.code().role {
             Role::Request => return self.requests += 1,
             Role::Reply => return self.replies += 1,
             Role::Attached => self.attached += 1,
@@ -51,7 +51,7 @@ impl Report {
         }
         let tally = self
             .events
-            .entry(kind.code().as_str())
+            .entry(kind.code().name)
             .or_insert_with(|| Tally {
                 count: 0,
                 first_at: event.at,
@@ -59,12 +59,12 @@ impl Report {
                 bytes: kind.bytes().map(<[u8]>::to_vec),
                 lost_bytes: 0,
                 client_errors: 0,
-                is_damage: kind.role() == Role::Damage,
+                is_damage: kind.code().role == Role::Damage,
             });
         tally.count += 1;
-        tally.lost_bytes = tally.lost_bytes.saturating_add(kind.lost_bytes());
+        tally.lost_bytes = tally.lost_bytes.saturating_add(kind.lost_bytes);
         // A heartbeat that ends because the client has left is as it should be.
-        let left = kind.role() == Role::HeartbeatLost && self.attached == 0;
+        let left = kind.code().role == Role::HeartbeatLost && self.attached == 0;
         tally.client_errors += u64::from(kind.is_client_error() && !left);
     }
 

@@ -110,7 +110,7 @@ pub(super) fn time(
 
 /// Part of an event in a log, for its colour.
 pub(super) fn role(event: &Event) -> &'static str {
-    match (event.kind.level(), event.kind.role()) {
+    match (event.kind.level(), event.kind.code().role) {
         (Level::Warning, _) => "warning",
         (Level::Traffic, Role::Request) => "request",
         (Level::Traffic, _) => "reply",

@@ -250,7 +250,7 @@ impl Mcap {
             Level::Notice => Kind::Info,
             Level::Warning => Kind::Warning,
         };
-        let code = event.kind.code().as_str();
+        let code = event.kind.code().name;
         *self.counts.entry(code).or_default() += 1;
         let name = self.names.get(event.device).cloned().unwrap_or_default();
         self.log(at, level, &name, format!("{} [{code}]", event.kind))

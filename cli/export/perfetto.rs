@@ -230,7 +230,7 @@ impl Perfetto {
             Level::Warning => "warning",
         };
         let track = self.track(device, "events", &[])?;
-        let named = named(category, event.kind.code().as_str());
+        let named = named(category, event.kind.code().name);
         self.event(at, INSTANT, track, &[&named, &argument("text", &text)])
     }
 

@@ -41,7 +41,7 @@ impl Words {
         repeats: u64,
     ) -> io::Result<()> {
         let kind = &event.kind;
-        let (mark, style) = match (kind.level(), kind.role()) {
+        let (mark, style) = match (kind.level(), kind.code().role) {
             (Level::Traffic, Role::Request) => ("->", Style::new()),
             (Level::Traffic, _) => ("<-", Style::new()),
             (Level::Notice, _) => (" .", Style::new().bold()),
@@ -90,7 +90,7 @@ impl Words {
             "device": self.0.get(event.device).map(|device| &device.name),
             "link": self.link(event),
             "level": kind.level().as_str(),
-            "code": kind.code().as_str(),
+            "code": kind.code().name,
             "text": kind.to_string(),
             "bytes": kind.bytes().map(|bytes| Hex(bytes).to_string()),
         })

@@ -172,7 +172,7 @@ impl Observer for Events {
         self.happened.push(Happened {
             at: event.at,
             device: event.device,
-            code: event.kind.code().as_str(),
+            code: event.kind.code().name,
             text: event.kind.to_string(),
             bytes: event.kind.bytes().map(<[u8]>::to_vec),
             line: self.words.plain(event),

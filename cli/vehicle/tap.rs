@@ -283,7 +283,7 @@ impl Out {
         self.trace.record(&Record::Event {
             t,
             device: 0,
-            code: code.as_str().into(),
+            code: code.name.into(),
             text: text.clone(),
         });
         let kind = EventKind::new(code, text);

@@ -141,7 +141,7 @@ fn clones_are_one_client_and_a_second_client_has_to_wait() {
     drop(clone);
     let codes = |sim: &Simulation| -> Vec<_> {
         let events = sim.events().into_iter();
-        events.map(|event| event.kind.code().as_str()).collect()
+        events.map(|event| event.kind.code().name).collect()
     };
     assert_eq!(codes(&sim).last(), Some(&"client_detached"));
     assert_eq!(ask(&mut device.open().unwrap()).unwrap(), ALIVE);

@@ -46,7 +46,7 @@ pub(super) fn in_effect(scenario: &Scenario, steps: &[StepState]) -> (Vec<String
 fn words(event: &Event, scenario: &Scenario) -> String {
     let devices = &scenario.rig.devices;
     let name = devices.get(event.device).map_or("?", |plan| &plan.name);
-    let mark = match event.kind.role() {
+    let mark = match event.kind.code().role {
         Role::Request => "->",
         Role::Reply => "<-",
         _ => " .",

@@ -39,7 +39,7 @@ impl Excuses {
     pub(super) fn excuses(&mut self, event: &Event) -> bool {
         let excused = self.late_until.is_some_and(|until| event.at <= until)
             && event.kind.is_client_error()
-            && event.kind.code().attribution().spares_late();
+            && event.kind.code().attribution.spares_late();
         self.excused += u64::from(excused);
         excused
     }

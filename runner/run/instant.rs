@@ -90,7 +90,7 @@ impl Run {
                     self.read_port(index, event.at);
                 }
             }
-            if !self.observed || event.kind.role() != Role::Reply {
+            if !self.observed || event.kind.code().role != Role::Reply {
                 self.record_event(event);
             }
         }
@@ -108,7 +108,7 @@ impl Run {
             self.record(|| Record::Event {
                 t: event.at.as_nanos(),
                 device: event.device,
-                code: event.kind.code().as_str().into(),
+                code: event.kind.code().name.into(),
                 text: event.kind.to_string(),
             });
         }

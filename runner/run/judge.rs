@@ -154,7 +154,7 @@ impl Run {
 
     /// Returns whether what happened is not the client's fault.
     pub(super) fn is_excused(&mut self, event: &Event) -> bool {
-        let attribution = event.kind.code().attribution();
+        let attribution = event.kind.code().attribution;
         let disturbed = self
             .excuses
             .disturbed_until

@@ -228,7 +228,7 @@ impl Run {
         let live = devices.filter(|(index, _)| !self.plan.has_script(*index));
         let (opened, left): (Vec<_>, Vec<_>) = live.partition(|(_, (_, counters))| {
             let events = &counters.report.events;
-            events.contains_key(code::CLIENT_ATTACHED.as_str())
+            events.contains_key(code::CLIENT_ATTACHED.name)
         });
         if opened.is_empty() || self.plan.scenario.is_endless() {
             return Vec::new();

@@ -31,7 +31,7 @@ impl Counters {
     /// Takes note of an event of the device, which has driven so far; unless it is `excused`, it
     /// counts in the report.
     pub fn add_event(&mut self, event: &Event, distance_m: f64, excused: bool) {
-        match event.kind.role() {
+        match event.kind.code().role {
             Role::Attached => self.attached += 1,
             Role::Detached => self.attached = self.attached.saturating_sub(1),
             _ => {}
@@ -49,7 +49,7 @@ impl Counters {
                 *self.counts.entry(message.count).or_default() += 1;
             }
         }
-        *self.counts.entry(event.kind.code().as_str()).or_default() += 1;
+        *self.counts.entry(event.kind.code().name).or_default() += 1;
         if !excused {
             self.report.add_event(event);
         }

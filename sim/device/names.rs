@@ -199,14 +199,14 @@ pub(super) fn of_message(message: &'static MessageInfo) -> Vec<NameInfo> {
 
 /// The name for the number of events of a code.
 pub(super) fn of_code(code: Code) -> NameInfo {
-    let meaning = code.about().trim_end_matches('.');
-    NameInfo::count(code.count(), code.as_str(), meaning)
+    let meaning = code.about.trim_end_matches('.');
+    NameInfo::count(code.count, code.name, meaning)
 }
 
 impl NameInfo {
     /// Returns whether it counts events of this code.
     pub(super) fn is_count_of(&self, code: Code) -> bool {
-        matches!(self.getter, Getter::Count(counted) if counted == code.as_str())
+        matches!(self.getter, Getter::Count(counted) if counted == code.name)
     }
 
     /// A number with a unit.

@@ -279,7 +279,7 @@ fn phases(rig: &mut Rig) -> Vec<EventKind> {
 }
 
 fn words(phases: &[EventKind]) -> Vec<&'static str> {
-    let codes = phases.iter().map(|event| event.code().as_str());
+    let codes = phases.iter().map(|event| event.code().name);
     codes.map(|code| &code["fault_".len()..]).collect()
 }
 

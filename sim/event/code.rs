@@ -103,63 +103,20 @@ impl Attribution {
 /// Name of an event. What means the same has the same name on every device and line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Code {
-    name: &'static str,
-    count: &'static str,
-    about: &'static str,
-    role: Role,
-    attribution: Attribution,
+    /// A short stable name, the same in logs, reports and documentation: lower-case, with `_`
+    /// between words.
+    pub name: &'static str,
+    /// Name of conditions for the number of such events: the same behind `count.`.
+    pub count: &'static str,
+    /// Meaning, in a sentence.
+    pub about: &'static str,
+    /// Part of such events in the counts, and how much they matter.
+    pub role: Role,
+    /// Party that such events are attributed to.
+    pub attribution: Attribution,
 }
 
 impl Code {
-    /// Creates a code of a device or line. `name` is lower-case, with `_` between words; `count` is the
-    /// same behind `count.`, and `about` its meaning in a sentence.
-    #[must_use]
-    pub const fn new(
-        name: &'static str,
-        count: &'static str,
-        about: &'static str,
-        role: Role,
-        attribution: Attribution,
-    ) -> Self {
-        Self {
-            name,
-            count,
-            about: about.trim_ascii(),
-            role,
-            attribution,
-        }
-    }
-
-    /// Returns its meaning, in a sentence.
-    #[must_use]
-    pub const fn about(self) -> &'static str {
-        self.about
-    }
-
-    /// Returns the name of conditions for the number of such events.
-    #[must_use]
-    pub const fn count(self) -> &'static str {
-        self.count
-    }
-
-    /// A short stable name, the same in logs, reports and documentation.
-    #[must_use]
-    pub const fn as_str(self) -> &'static str {
-        self.name
-    }
-
-    /// Returns the part of such events in the counts, and how much they matter.
-    #[must_use]
-    pub const fn role(self) -> Role {
-        self.role
-    }
-
-    /// Returns the party that such events are attributed to.
-    #[must_use]
-    pub const fn attribution(self) -> Attribution {
-        self.attribution
-    }
-
     /// Returns whether such events may be attributed to a client at all.
     #[must_use]
     pub fn may_be_client_error(self) -> bool {
@@ -189,14 +146,13 @@ macro_rules! codes {
     ($( $(#[doc = $about:literal])+ $code:ident = $name:literal, $role:ident, $attribution:ident; )+) => {
         $(
             $(#[doc = $about])+
-            pub const $code: $crate::event::Code =
-                $crate::event::Code::new(
-                    $name,
-                    concat!("count.", $name),
-                    concat!($($about),+),
-                    $crate::event::Role::$role,
-                    $crate::event::Attribution::$attribution,
-                );
+            pub const $code: $crate::event::Code = $crate::event::Code {
+                name: $name,
+                count: concat!("count.", $name),
+                about: concat!($($about),+).trim_ascii(),
+                role: $crate::event::Role::$role,
+                attribution: $crate::event::Attribution::$attribution,
+            };
         )+
 
         /// All of these codes.

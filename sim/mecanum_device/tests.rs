@@ -194,7 +194,7 @@ impl Bench {
     /// Codes of the events since the last call that are not traffic.
     fn codes(&mut self) -> Vec<&'static str> {
         let events = self.events().into_iter();
-        let codes = events.map(|(_, event)| event.code().as_str());
+        let codes = events.map(|(_, event)| event.code().name);
         codes
             .filter(|code| !matches!(*code, "request" | "reply"))
             .collect()

@@ -186,7 +186,7 @@ impl Bench {
     fn codes(&mut self) -> Vec<&'static str> {
         self.events()
             .iter()
-            .map(|event| event.code().as_str())
+            .map(|event| event.code().name)
             .filter(|code| !["request", "reply", "control_taken"].contains(code))
             .collect()
     }

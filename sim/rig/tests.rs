@@ -63,7 +63,7 @@ fn load(rig: &mut Rig, payload: f64) {
 
 fn codes(rig: &mut Rig) -> Vec<&'static str> {
     std::iter::from_fn(|| rig.poll_event())
-        .map(|event| event.kind.code().as_str())
+        .map(|event| event.kind.code().name)
         .collect()
 }
 
@@ -155,7 +155,7 @@ fn a_fuse_that_blows_is_reported_once() {
     });
     rig.advance(SimTime::from_millis(500)).unwrap();
     let reported: Vec<String> = std::iter::from_fn(|| rig.poll_event())
-        .filter(|event| event.kind.code().as_str() == "fuse_blown")
+        .filter(|event| event.kind.code().name == "fuse_blown")
         .map(|event| event.kind.to_string())
         .collect();
     assert_eq!(reported, ["the fuse of the right motor blew"]);
@@ -336,7 +336,7 @@ fn clients_come_and_go_at_the_time_they_do() {
     rig.detach(PORT, left).unwrap();
     rig.attach(PORT, left + Duration::from_millis(7)).unwrap();
     let events: Vec<_> = std::iter::from_fn(|| rig.poll_event())
-        .map(|event| (event.at.as_nanos() / 1_000_000, event.kind.code().as_str()))
+        .map(|event| (event.at.as_nanos() / 1_000_000, event.kind.code().name))
         .collect();
     let expected = [
         (0, "client_attached"),

@@ -26,7 +26,7 @@ fn said(guide: &mut Guide, sent: &[Sent<'_>]) -> Vec<String> {
         let t = std::time::Duration::from_secs_f64(*at).as_nanos();
         all.extend(guide.client_sent(*link, t.try_into().unwrap(), bytes));
     }
-    let words = |(code, text): &(Code, String)| format!("{} {}", code.as_str(), text);
+    let words = |(code, text): &(Code, String)| format!("{} {}", code.name, text);
     all.iter().map(words).collect()
 }
 

@@ -23,7 +23,7 @@ fn publish(run: &mut Run, at: u64, line: &str) -> Result<(), PublishError> {
 
 fn refusals(run: &mut Run) -> usize {
     let events = std::iter::from_fn(|| run.poll_event());
-    let codes = events.map(|event| event.kind.code().as_str());
+    let codes = events.map(|event| event.kind.code().name);
     codes.filter(|code| *code == "bad_publication").count()
 }
 

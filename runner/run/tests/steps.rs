@@ -106,7 +106,7 @@ fn what_is_done_to_a_vehicle_and_its_world_is_an_event() {
     let mut trace = String::new();
     passes(run.play(&mut |line| trace += line).unwrap());
     let events: Vec<String> = std::iter::from_fn(|| run.poll_event())
-        .filter(|event| event.kind.code().as_str().starts_with("action_"))
+        .filter(|event| event.kind.code().name.starts_with("action_"))
         .map(|event| format!("{} {}", event.at, event.kind))
         .collect();
     let again = |at| format!("{at} step \"again\": operator press");
@@ -346,7 +346,7 @@ fn steps_of_one_instant_come_in_the_order_of_the_file_and_before_anything_else()
             .vehicle()
             .locked;
         let events: Vec<_> = std::iter::from_fn(|| run.poll_event())
-            .filter(|event| event.kind.code().as_str() == "operated")
+            .filter(|event| event.kind.code().name == "operated")
             .map(|event| (event.at, event.kind.to_string()))
             .collect();
         (locked, events)

@@ -45,7 +45,7 @@ fn a_hung_module_drives_on_and_catches_up() {
         [0; 2]
     );
     let fired = std::iter::from_fn(|| rig.poll_event())
-        .find(|event| event.kind.code().as_str() == "watchdog_fired");
+        .find(|event| event.kind.code().name == "watchdog_fired");
     assert_eq!(fired.unwrap().at, cleared);
 }
 
@@ -94,7 +94,7 @@ fn what_waits_behind_a_slow_reply_is_sent_with_it() {
     let sent = run(&mut rig, MAIN, MS(80));
     assert_eq!((sent[3], sent[7 + 3]), (0x07, 0xF0));
     let replies = std::iter::from_fn(|| rig.poll_event());
-    let replies = replies.filter(|event| event.kind.code().as_str() == "reply");
+    let replies = replies.filter(|event| event.kind.code().name == "reply");
     let at: Vec<SimTime> = replies.map(|event| event.at).collect();
     assert_eq!(at.len(), 2);
     assert_eq!(at[0], at[1]);

@@ -179,7 +179,7 @@ fn events_name_the_fault_and_what_it_hit() {
     );
     let codes: Vec<&str> = reported
         .iter()
-        .map(|event| event.kind.code().as_str())
+        .map(|event| event.kind.code().name)
         .collect();
     assert_eq!(codes, ["fault_armed", "fault_triggered", "fault_cleared"]);
 }

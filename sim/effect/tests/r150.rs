@@ -93,12 +93,7 @@ fn a_supply_that_breaks_down_under_the_load_comes_and_goes_with_the_steps_and_no
     rig.advance(SimTime::ZERO + rig.world().step_length() * steps)
         .unwrap();
     let events: Vec<Event> = std::iter::from_fn(|| rig.poll_event()).collect();
-    let count = |code| {
-        events
-            .iter()
-            .filter(|e| e.kind.code().as_str() == code)
-            .count()
-    };
+    let count = |code| events.iter().filter(|e| e.kind.code().name == code).count();
     let most = usize::try_from(steps).unwrap() + 2;
     for code in ["power_lost", "started"] {
         assert!((2..=most).contains(&count(code)), "{} {code}", count(code));

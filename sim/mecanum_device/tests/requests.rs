@@ -16,7 +16,7 @@ fn a_motion_ends_at_the_pulse_that_completes_its_distance() {
     let events = bench.events();
     let done = events
         .iter()
-        .find(|(_, event)| event.code().as_str() == "motion_done");
+        .find(|(_, event)| event.code().name == "motion_done");
     assert_eq!(done.unwrap().0, MS(600));
 }
 
@@ -166,7 +166,7 @@ fn fields_out_of_range_are_reported() {
     let events = bench.events();
     let wrong = events.iter().filter(|(_, event)| event.is_client_error());
     let wrong: Vec<_> = wrong
-        .map(|(_, event)| (event.code().as_str(), event.to_string()))
+        .map(|(_, event)| (event.code().name, event.to_string()))
         .collect();
     let wanted = [
         (
@@ -183,7 +183,7 @@ fn fields_out_of_range_are_reported() {
         ),
     ];
     assert_eq!(wrong, wanted.map(|(code, words)| (code, words.to_owned())));
-    assert_eq!(events.last().unwrap().1.code().as_str(), "motion_started");
+    assert_eq!(events.last().unwrap().1.code().name, "motion_started");
 }
 
 #[test]
@@ -209,9 +209,7 @@ fn a_partial_packet_is_dropped_at_the_timeout() {
         assert_eq!(bench.is_driving(), drives);
         let dropped = (MS(50), "partial_packet");
         let events = bench.events();
-        let reported = events
-            .iter()
-            .any(|(at, e)| (*at, e.code().as_str()) == dropped);
+        let reported = events.iter().any(|(at, e)| (*at, e.code().name) == dropped);
         assert_eq!(reported, !drives);
     }
 }

@@ -87,7 +87,7 @@ fn every_event_has_words_and_a_code() {
     };
     let started = event::motion(Change::Started(motion));
     assert_eq!(started.to_string(), "turn left 1.5 rev at 30 rpm started");
-    assert_eq!(started.code().as_str(), "motion_started");
+    assert_eq!(started.code().name, "motion_started");
     let mut bench = Bench::with_ros();
     bench.line("X-10\r\n");
     bench
@@ -166,7 +166,7 @@ proptest! {
             prop_assert!(bench.device.next_deadline().is_none_or(|due| due > bench.now));
         }
         for (_, event) in bench.events() {
-            prop_assert!(!event.to_string().is_empty() && !event.code().as_str().is_empty());
+            prop_assert!(!event.to_string().is_empty() && !event.code().name.is_empty());
             let _ = (event.level(), event.bytes(), event.is_client_error());
         }
     }

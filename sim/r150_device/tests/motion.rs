@@ -117,7 +117,7 @@ proptest! {
         bench.after(Duration::from_secs(2));
         let mut last = None;
         while let Some((at, event)) = bench.device.poll_event() {
-            if event.role() == Role::Reply {
+            if event.code().role == Role::Reply {
                 let gap = last.replace(at).map(|last| at.since(last));
                 prop_assert!(gap.is_none_or(|gap| gap >= INTERVAL), "{gap:?}");
             }
@@ -217,7 +217,7 @@ fn over_rates(times: impl IntoIterator<Item = Duration>, stalls: &[Stall]) -> Ve
     }
     let events = std::iter::from_fn(|| bench.device.poll_event());
     events
-        .filter(|(_, event)| event.code().as_str() == "over_rate")
+        .filter(|(_, event)| event.code().name == "over_rate")
         .map(|(at, _)| at)
         .collect()
 }

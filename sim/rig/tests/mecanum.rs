@@ -127,7 +127,7 @@ fn a_tall_load_that_would_tip_it_is_reported_of_once() {
         rig.client_sends(MAIN, now, &motion(0, 10, 500)).unwrap();
         run(&mut rig, MAIN, Duration::from_secs(3));
         let events = std::iter::from_fn(|| rig.poll_event());
-        let tipping = events.filter(|event| event.kind.code().as_str() == "tipping");
+        let tipping = events.filter(|event| event.kind.code().name == "tipping");
         assert_eq!(tipping.count(), reported, "{height}");
     }
 }
