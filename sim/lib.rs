@@ -37,6 +37,7 @@ pub mod r150;
 pub mod r150_device;
 pub mod report;
 pub mod rig;
+mod rounding;
 pub mod scanner;
 pub mod settings;
 pub mod uart;

@@ -154,8 +154,8 @@ impl Mecanum {
 
 impl Device for Mecanum {
     fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]) {
-        if let Some(link) = Link::from_index(link) {
-            self.device.handle_bytes(now, link, bytes);
+        if let Some(link) = Link::ALL.get(link) {
+            self.device.handle_bytes(now, *link, bytes);
         }
     }
 

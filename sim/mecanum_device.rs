@@ -62,14 +62,6 @@ rigsim_settings::words! {
     }
 }
 
-impl Link {
-    /// The link with an index.
-    #[must_use]
-    pub fn from_index(index: usize) -> Option<Self> {
-        Self::ALL.get(index).copied()
-    }
-}
-
 crate::actions! {
     /// What an operator does.
     #[derive(Copy, PartialEq)]

@@ -1,6 +1,5 @@
 //! Faults of a vehicle as a body.
 
-use rigsim_physics::faults::BodyFaults;
 use rigsim_settings::{Force, Mass, Torque};
 
 use super::defaults;
@@ -61,8 +60,9 @@ impl Effect for BodyFault {
     }
 }
 
-impl BodyFault {
-    fn add_to(&self, body: &mut BodyFaults) {
+impl OnHardware for BodyFault {
+    fn add(&self, sum: &mut Sum) {
+        let body = &mut sum.body;
         match self {
             Self::Ice { friction } => {
                 let most = body.friction.unwrap_or(f64::INFINITY);
@@ -75,12 +75,6 @@ impl BodyFault {
                 body.push.turn += turn.0;
             }
         }
-    }
-}
-
-impl OnHardware for BodyFault {
-    fn add(&self, sum: &mut Sum) {
-        self.add_to(&mut sum.body);
     }
 
     fn watch(&mut self, device: &dyn Device, tally: &mut Tally) {

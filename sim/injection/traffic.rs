@@ -76,11 +76,6 @@ impl Injection {
         }
     }
 
-    /// The client puts bytes on a line.
-    pub(crate) fn client_sends(&mut self, link: usize, bytes: usize, garbled: bool) {
-        self.count_sent(link, Way::ToDevice, bytes, garbled);
-    }
-
     /// A frame is about to be put on a line. What has arrived makes room for it, whether its client
     /// has read it or not.
     pub(crate) fn before_sending(
@@ -94,7 +89,8 @@ impl Injection {
         self.count_sent(link, Way::ToClient, bytes, line.is_garbled());
     }
 
-    fn count_sent(&mut self, link: usize, way: Way, bytes: usize, garbled: bool) {
+    /// Bytes are put on a line.
+    pub(crate) fn count_sent(&mut self, link: usize, way: Way, bytes: usize, garbled: bool) {
         for (wire, tally) in self.wires_mut(link) {
             if garbled || wire.pulls_cable() {
                 wire.count_sent(way, bytes, tally);

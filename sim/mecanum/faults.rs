@@ -12,6 +12,7 @@ use crate::device::{
 };
 use crate::effect::defaults;
 use crate::noise::Noise;
+use crate::rounding::round;
 
 /// Drag on a wheel unless given, N·m.
 const USUAL_DRAG: f64 = 0.5;
@@ -300,21 +301,12 @@ impl OnHardware for AtWork {
             let whole = share.floor();
             *share -= whole;
             if is_meant && whole >= 1.0 {
-                car.plant.add_pulses(wheel, pulses(whole));
+                car.plant.add_pulses(wheel, round(whole));
                 tally.hit(|| format!("wheel {wheel}"));
             }
         }
         false
     }
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a cast from a float saturates, and no wheel gives so many pulses"
-)]
-fn pulses(whole: f64) -> u32 {
-    whole as u32
 }
 
 fn runs(pins: PortCommand, speed_voltage: f64) -> bool {

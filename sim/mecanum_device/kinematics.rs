@@ -50,12 +50,6 @@ rigsim_settings::words! {
 }
 
 impl Course {
-    /// The course with a `moving_idx`.
-    #[must_use]
-    pub fn from_index(moving_idx: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(moving_idx)).copied()
-    }
-
     /// Direction of the body for a positive speed: ahead, left, counter-clockwise.
     fn direction(self) -> [f64; 3] {
         match self {
@@ -79,20 +73,22 @@ pub struct Movement {
     pub negative: bool,
 }
 
-/// A motion key of the car's remote control.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-enum CarKey {
-    Forward,
-    Backward,
-    TurnLeft,
-    TurnRight,
-    StrafeLeft,
-    StrafeRight,
-    LeftFront,
-    RightFront,
-    LeftRear,
-    RightRear,
+rigsim_settings::words! {
+    /// A motion key of the car's remote control.
+    #[derive(Deserialize, JsonSchema)]
+    #[serde(rename_all = "kebab-case")]
+    enum CarKey {
+        Forward = "forward",
+        Backward = "backward",
+        TurnLeft = "turn left",
+        TurnRight = "turn right",
+        StrafeLeft = "strafe left",
+        StrafeRight = "strafe right",
+        LeftFront = "left front",
+        RightFront = "right front",
+        LeftRear = "left rear",
+        RightRear = "right rear",
+    }
 }
 
 impl From<CarKey> for Movement {
@@ -138,18 +134,9 @@ impl Movement {
 
 impl fmt::Display for Movement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match (self.course, self.negative) {
-            (Course::Ahead, false) => "forward",
-            (Course::Ahead, true) => "backward",
-            (Course::Rotate, false) => "turn right",
-            (Course::Rotate, true) => "turn left",
-            (Course::Strafe, false) => "strafe left",
-            (Course::Strafe, true) => "strafe right",
-            (Course::LeftFront, false) => "left front",
-            (Course::LeftFront, true) => "right rear",
-            (Course::RightFront, false) => "right front",
-            (Course::RightFront, true) => "left rear",
-        })
+        let mut keys = CarKey::ALL.into_iter();
+        let key = keys.find(|key| Self::from(*key) == *self);
+        f.write_str(key.map_or("", CarKey::as_str))
     }
 }
 

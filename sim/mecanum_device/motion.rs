@@ -8,6 +8,7 @@ use rigsim_settings::SimTime;
 
 use super::kinematics::Movement;
 use super::settings::{MecanumFirmwareSettings, Preempt, ZeroDistance, ZeroSpeed};
+use crate::rounding::round;
 
 /// A movement with its distance and speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -222,17 +223,8 @@ impl Motions {
         }
         let pulses = motion.revolutions * f64::from(self.settings.odometry.pulses_per_revolution);
         // What is beyond a whole number by rounding alone is that number.
-        Some(whole((pulses - 1e-6).ceil()))
+        Some(round((pulses - 1e-6).ceil()))
     }
-}
-
-/// Rounds to the nearest integer, saturating; what is not a number is 0.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a cast from a float saturates, as the documentation says"
-)]
-pub(super) fn whole(value: f64) -> i64 {
-    value.round() as i64
 }
 
 #[cfg(test)]

@@ -63,7 +63,7 @@ impl MecanumDevice {
     }
 
     fn motion_packet(&mut self, now: SimTime, is_reset: u8, moving_idx: u8, s: u16, v: i16) {
-        let Some(course) = Course::from_index(moving_idx) else {
+        let Some(&course) = Course::ALL.get(usize::from(moving_idx)) else {
             let text =
                 format!("moving_idx {moving_idx} ignored with its packet: 0 to 4 is allowed");
             self.emit_on_main(now, event::BAD_MOVING_IDX, text);

@@ -4,7 +4,6 @@ use rigsim_physics::mecanum::Wheel;
 use rigsim_settings::SimTime;
 
 use super::ascii::{REPORTS, Report};
-use super::motion::whole;
 use super::packet::Status;
 use super::settings::{
     AsciiMileage, AsciiSpeedSign, HeadingRange, MagnBits, MotorState, NoEcho, Overflow, StatusSeq,
@@ -14,6 +13,7 @@ use super::{Link, MecanumDevice};
 use crate::event::EventKind;
 use crate::event::code::REPLY;
 use crate::message::Message;
+use crate::rounding::round;
 
 /// The longest distance that an ultrasonic sensor gives, m: common ones end at 4500 mm.
 const ULTRASONIC_FARTHEST: f64 = 4.5;
@@ -115,8 +115,8 @@ impl MecanumDevice {
             AsciiMileage::Motion => odometry.motion_mileage(),
         };
         Report {
-            speed: whole(speed * 100.0),
-            mileage: whole(mileage * 100.0),
+            speed: round(speed * 100.0),
+            mileage: round(mileage * 100.0),
         }
     }
 
@@ -159,37 +159,31 @@ impl MecanumDevice {
     fn distance_mm(&self, echo: Option<f64>) -> u16 {
         let Some(echo) = echo.filter(|echo| *echo <= ULTRASONIC_FARTHEST) else {
             return match self.settings.ultrasonic_no_echo {
-                NoEcho::Farthest => clamp_u16(ULTRASONIC_FARTHEST * 1000.0),
+                NoEcho::Farthest => round(ULTRASONIC_FARTHEST * 1000.0),
                 NoEcho::Zero => 0,
                 NoEcho::Max => u16::MAX,
             };
         };
-        clamp_u16(echo.max(ULTRASONIC_NEAREST) * 1000.0)
+        round(echo.max(ULTRASONIC_NEAREST) * 1000.0)
     }
 
     fn signed(&self, value: f64) -> i16 {
-        let value = whole(value);
         match self.settings.overflow {
             Overflow::Wrap => low_bits(value).cast_signed(),
-            Overflow::Saturate if value < 0 => i16::try_from(value).unwrap_or(i16::MIN),
-            Overflow::Saturate => i16::try_from(value).unwrap_or(i16::MAX),
+            Overflow::Saturate => round(value),
         }
     }
 
     fn unsigned(&self, value: f64) -> u16 {
         match self.settings.overflow {
-            Overflow::Wrap => low_bits(whole(value)),
-            Overflow::Saturate => clamp_u16(value),
+            Overflow::Wrap => low_bits(value),
+            Overflow::Saturate => round(value),
         }
     }
 }
 
 /// The low 16 bits, as a field that overflows keeps them.
-fn low_bits(value: i64) -> u16 {
-    let [low, high, ..] = value.to_le_bytes();
+fn low_bits(value: f64) -> u16 {
+    let [low, high, ..] = round::<i64>(value).to_le_bytes();
     u16::from_le_bytes([low, high])
-}
-
-fn clamp_u16(value: f64) -> u16 {
-    u16::try_from(whole(value).max(0)).unwrap_or(u16::MAX)
 }

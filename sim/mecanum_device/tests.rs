@@ -127,7 +127,7 @@ impl Bench {
             };
             self.turned[at] += way * rotation * pulses;
             // A pulse that is short of its place by rounding alone has come.
-            let whole = |travel: f64| super::motion::whole((travel + 1e-9).floor());
+            let whole = |travel: f64| crate::rounding::round::<i64>((travel + 1e-9).floor());
             let before = whole(self.travel[at]);
             self.travel[at] += rotation.abs() * pulses;
             let came = u32::try_from(whole(self.travel[at]) - before).unwrap();
@@ -202,7 +202,8 @@ impl Bench {
 
     /// Revolutions that each wheel has turned, to a tenth of one.
     fn tenths(&self) -> [i64; WHEELS] {
-        self.turned.map(|pulses| super::motion::whole(pulses / 6.0))
+        self.turned
+            .map(|pulses| crate::rounding::round::<i64>(pulses / 6.0))
     }
 
     fn is_driving(&self) -> bool {

@@ -7,6 +7,7 @@ use rigsim_settings::SimTime;
 
 use super::client_clock::{ClientClock, Sent};
 use super::settings::{OverRate, R150FirmwareSettings};
+use crate::rounding::round;
 
 /// Set-points of the client for the motors, right then left.
 #[derive(Debug, Clone, Default)]
@@ -116,8 +117,7 @@ impl Motors {
         let interval = settings.motor_reply_interval.as_secs_f64();
         let window = WINDOW.max(settings.motor_reply_interval * 2);
         let share = 1.0 + TOLERANCE;
-        let most =
-            super::telemetry::round::<u32>((window.as_secs_f64() / interval * share).floor());
+        let most = round::<u32>((window.as_secs_f64() / interval * share).floor());
         let most = usize::try_from(most).map_or(MOST_RECENT, |most| most.min(MOST_RECENT));
         self.recent.push_back(sent);
         while self.recent.len() > most + 1 {

@@ -8,6 +8,7 @@ use super::command::{Motors, PwmInputs, Reply, SystemInfo};
 use super::settings::{Current48v, NoiseSettings, Voltage12v, Voltage48v};
 use super::speed::Speedometer;
 use crate::noise::Noise;
+use crate::rounding::round;
 
 impl R150Device {
     /// The reply to 0x05.
@@ -119,30 +120,3 @@ fn spoilt(noise: &mut Noise, value: f64, deviation: f64) -> f64 {
         value
     }
 }
-
-/// Rounds to the nearest integer of a field, saturating at its ends; what is not a number is 0.
-pub(super) fn round<T: FromRounded>(value: f64) -> T {
-    T::from_rounded(value.round())
-}
-
-pub(super) trait FromRounded {
-    fn from_rounded(value: f64) -> Self;
-}
-
-macro_rules! from_rounded {
-    ($($field:ty),*) => { $(
-        impl FromRounded for $field {
-            #[allow(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a cast from a float saturates, as the documentation says; not every \
-                          field can lose a sign"
-            )]
-            fn from_rounded(value: f64) -> Self {
-                value as $field
-            }
-        }
-    )* };
-}
-
-from_rounded!(u16, u32, i16, i32);

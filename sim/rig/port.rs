@@ -5,7 +5,7 @@ use std::time::Duration;
 use rigsim_settings::SimTime;
 
 use super::{Rig, RigError};
-use crate::injection::Injection;
+use crate::device::Way;
 use crate::line::{ClientLine, LineEvent, SerialLine};
 
 /// One serial port: a link of a device.
@@ -113,12 +113,16 @@ impl Rig {
     /// just before one.
     pub fn client_puts(&mut self, port: PortId, bytes: &[u8]) {
         let now = self.now;
-        let events = self
-            .line_mut(port)
-            .map(|line| line.client_sends(now, bytes));
-        self.count_sent(port, bytes.len());
+        let Some(line) = self.line_mut(port) else {
+            return;
+        };
+        let events = line.client_sends(now, bytes);
+        let garbled = line.is_garbled();
+        if let Some(faults) = &mut self.slots[port.device].faults {
+            faults.count_sent(port.link, Way::ToDevice, bytes.len(), garbled);
+        }
         self.reschedule(port.device);
-        for event in events.into_iter().flatten() {
+        for event in events {
             self.line_event(port, Some(event));
         }
     }
@@ -136,18 +140,6 @@ impl Rig {
             faults.pass_to_adapter(now, port.link, line);
         }
         line.take_for_client(now, bytes);
-    }
-
-    fn faults_mut(&mut self, device: usize) -> Option<&mut Injection> {
-        self.slots.get_mut(device)?.faults.as_deref_mut()
-    }
-
-    /// The client has put bytes on the line.
-    fn count_sent(&mut self, port: PortId, bytes: usize) {
-        let garbled = self.line(port).is_some_and(SerialLine::is_garbled);
-        if let Some(faults) = self.faults_mut(port.device) {
-            faults.client_sends(port.link, bytes, garbled);
-        }
     }
 
     fn reschedule(&mut self, device: usize) {

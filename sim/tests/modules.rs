@@ -172,8 +172,10 @@ fn firmware_knows_nothing_of_its_surroundings() {
     for firmware in ["r150_device", "mecanum_device"] {
         for module in &uses[firmware] {
             assert!(
-                ["defects", "event", "firmware", "message", "scanner", "uart"]
-                    .contains(&module.as_str()),
+                [
+                    "defects", "event", "firmware", "message", "rounding", "scanner", "uart"
+                ]
+                .contains(&module.as_str()),
                 "{firmware} uses {module}"
             );
         }

@@ -35,7 +35,7 @@ fn pins(rotation: i8) -> PortCommand {
 #[test]
 fn the_kinematics_give_the_table() {
     for (_, negative, name, index, rotations) in TABLE {
-        let course = Course::from_index(index).unwrap();
+        let course = Course::ALL[usize::from(index)];
         let movement = Movement { course, negative };
         assert_eq!(movement.rotations(), rotations, "{name}");
         assert_eq!(movement.to_string(), name);
@@ -95,7 +95,7 @@ fn every_movement_moves_the_dead_reckoning_its_way() {
         assert!(close(status.axis_y, 100.0 * left), "{name} {status:?}");
         // Ten revolutions of 0.1 π m each.
         let degrees = (turn * std::f64::consts::PI).to_degrees();
-        let tenths = super::super::motion::whole(degrees * 10.0);
+        let tenths = crate::rounding::round::<i64>(degrees * 10.0);
         assert_eq!(i64::from(status.ori), tenths, "{name} {status:?}");
     }
 }

@@ -152,7 +152,7 @@ proptest! {
                     r.echoes[0] = Some(f64::from_bits(u64::from(pulses[1]) << 32));
                 }),
                 _ => {
-                    let course = Course::from_index(pulses[0].to_le_bytes()[0] % 5).unwrap();
+                    let course = Course::ALL[usize::from(pulses[0].to_le_bytes()[0] % 5)];
                     let movement = Movement { course, negative: pulses[1] % 2 == 0 };
                     bench.device.operate(bench.now, OperatorInput::Press(movement));
                 }
