@@ -10,19 +10,43 @@ pub fn kind_of(kinds: &'static [EffectInfo], id: &str) -> &'static EffectInfo {
     found.unwrap_or(&kinds[0])
 }
 
-/// Its second argument.
+/// The name behind what was given.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! second {
-    ($first:literal $second:ident) => {
-        $second
+macro_rules! name_behind {
+    ([$($given:literal)*] $name:ident) => {
+        $name
+    };
+}
+
+/// Description of a parameter that many faults take, where none is given.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! shared_text {
+    ($key:ident $given:literal) => {
+        $given
+    };
+    (only) => {
+        "Only replies to this command, or packets of this type; default all."
+    };
+    (chance) => {
+        "Probability for each frame; default 1."
+    };
+    (most) => {
+        "Maximum number of hits; default no limit."
+    };
+    (way) => {
+        "Direction; default both."
+    };
+    (on) => {
+        "Link; default main."
     };
 }
 
 /// Declares kinds of faults: a type with a variant for each, read from `fault = { kind = … }`.
 ///
 /// A parameter without `#[serde(…)]` must be given. Parameters that many faults take follow the
-/// braces, each with its description and, where they differ, its default: `motors`, `only` replies
+/// braces, each with its description and its default where those are not the usual ones: `motors`, `only` replies
 /// to some command, `chance`, `most` times, `way` and link (`on`). Together they are its
 /// [`Scope`](crate::device::parameters::Scope). The crate needs `serde` and `schemars`.
 ///
@@ -62,11 +86,11 @@ macro_rules! faults {
                 $(#[serde($($serde:tt)*)])?
                 $field:ident: $type:ty,
             )* }
-            $(only $only:literal)?
-            $(chance $chance:literal $usual_chance:literal)?
-            $(most $most:literal)?
-            $(way $way:literal $usual_way:literal)?
-            $(on $on:literal)?
+            $(only $($only:literal)?)?
+            $(chance $($chance:literal $usual_chance:literal)?)?
+            $(most $($most:literal)?)?
+            $(way $($way:literal $usual_way:literal)?)?
+            $(on $($on:literal)?)?
         )+ }
     ) => {
         $(#[doc = $of_all])+
@@ -88,27 +112,27 @@ macro_rules! faults {
                     $field: $type,
                 )*
                 $(
-                    #[doc = $only]
+                    #[doc = $crate::shared_text!(only $($only)?)]
                     #[serde(default)]
                     command: Option<u8>,
                 )?
                 $(
-                    #[doc = $chance]
-                    #[serde(default = $usual_chance)]
+                    #[doc = $crate::shared_text!(chance $($chance)?)]
+                    #[serde(default $(= $usual_chance)?)]
                     probability: $crate::device::parameters::Probability,
                 )?
                 $(
-                    #[doc = $most]
+                    #[doc = $crate::shared_text!(most $($most)?)]
                     #[serde(default)]
                     count: Option<u64>,
                 )?
                 $(
-                    #[doc = $way]
-                    #[serde(default = $usual_way)]
+                    #[doc = $crate::shared_text!(way $($way)?)]
+                    #[serde(default $(= $usual_way)?)]
                     direction: $crate::device::parameters::Direction,
                 )?
                 $(
-                    #[doc = $on]
+                    #[doc = $crate::shared_text!(on $($on)?)]
                     #[serde(default)]
                     link: $crate::device::parameters::LinkName,
                 )?
@@ -136,11 +160,11 @@ macro_rules! faults {
                             given.is_empty()
                         },
                     }, )*
-                    $( $crate::device::ParameterInfo::shared("command", $only), )?
-                    $( $crate::device::ParameterInfo::shared("probability", $chance), )?
-                    $( $crate::device::ParameterInfo::shared("count", $most), )?
-                    $( $crate::device::ParameterInfo::shared("direction", $way), )?
-                    $( $crate::device::ParameterInfo::shared("link", $on), )?
+                    $( $crate::device::ParameterInfo::shared("command", $crate::shared_text!(only $($only)?)), )?
+                    $( $crate::device::ParameterInfo::shared("probability", $crate::shared_text!(chance $($chance)?)), )?
+                    $( $crate::device::ParameterInfo::shared("count", $crate::shared_text!(most $($most)?)), )?
+                    $( $crate::device::ParameterInfo::shared("direction", $crate::shared_text!(way $($way)?)), )?
+                    $( $crate::device::ParameterInfo::shared("link", $crate::shared_text!(on $($on)?)), )?
                 ],
                 client_sees: $sees,
                 counts: $counts,
@@ -162,20 +186,20 @@ macro_rules! faults {
                 let mut scope = $crate::device::parameters::Scope::default();
                 match self { $(
                     Self::$variant {
-                        $( motors: $crate::second!($motors motors), )?
-                        $( command: $crate::second!($only command), )?
-                        $( probability: $crate::second!($chance probability), )?
-                        $( count: $crate::second!($most count), )?
-                        $( direction: $crate::second!($way direction), )?
-                        $( link: $crate::second!($on link), )?
+                        $( motors: $crate::name_behind!([$motors] motors), )?
+                        $( command: $crate::name_behind!([$($only)?] command), )?
+                        $( probability: $crate::name_behind!([$($chance)?] probability), )?
+                        $( count: $crate::name_behind!([$($most)?] count), )?
+                        $( direction: $crate::name_behind!([$($way)?] direction), )?
+                        $( link: $crate::name_behind!([$($on)?] link), )?
                         ..
                     } => {
-                        $( scope.motors = Some(*$crate::second!($motors motors)); )?
-                        $( scope.command = *$crate::second!($only command); )?
-                        $( scope.probability = *$crate::second!($chance probability); )?
-                        $( scope.count = *$crate::second!($most count); )?
-                        $( scope.direction = *$crate::second!($way direction); )?
-                        $( scope.link = Some($crate::second!($on link).clone()); )?
+                        $( scope.motors = Some(*$crate::name_behind!([$motors] motors)); )?
+                        $( scope.command = *$crate::name_behind!([$($only)?] command); )?
+                        $( scope.probability = *$crate::name_behind!([$($chance)?] probability); )?
+                        $( scope.count = *$crate::name_behind!([$($most)?] count); )?
+                        $( scope.direction = *$crate::name_behind!([$($way)?] direction); )?
+                        $( scope.link = Some($crate::name_behind!([$($on)?] link).clone()); )?
                     }
                 )+ }
                 scope

@@ -31,7 +31,6 @@ defaults! {
     spread: u16 = 50;
     pulses: u16 = 20;
     yes: bool = true;
-    both: Direction = Direction::Both;
     to_client: Direction = Direction::ToClient;
     all_motors: Motors = Motors::All;
     pause: Span = millis(5);

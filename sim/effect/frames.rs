@@ -39,10 +39,7 @@ crate::faults! {
             #[serde(default, skip_serializing_if = "Option::is_none")]
             with: Option<u8>,
         }
-        only "Only replies to this command, or packets of this type; default all."
-        chance "Probability for each frame; default 1." "defaults::always"
-        most "Maximum number of hits; default no limit."
-        on "Link; default main."
+        only chance most on
         /// Replies are too short or too long.
         WrongLength = "wrong-length", Protocol,
         sees "A well-formed frame with missing or extra parameters, or one whose length field is wrong.",
@@ -56,10 +53,7 @@ crate::faults! {
             #[serde(default)]
             what: WrongLength,
         }
-        only "Only replies to this command, or packets of this type; default all."
-        chance "Probability for each frame; default 1." "defaults::always"
-        most "Maximum number of hits; default no limit."
-        on "Link; default main."
+        only chance most on
         /// Only the first half of a reply is sent.
         TornReply = "torn-reply", Protocol,
         sees "A frame that never ends; the next frame seems to be its end.",
@@ -67,10 +61,7 @@ crate::faults! {
         tries ["", "count = 1"]
         weaker ["missing-reply"]
         {}
-        only "Only replies to this command, or packets of this type; default all."
-        chance "Probability for each frame; default 1." "defaults::always"
-        most "Maximum number of hits; default no limit."
-        on "Link; default main."
+        only chance most on
         /// Replies are sent late. A later one may overtake them.
         LateReply = "late-reply", Protocol,
         sees "No reply in time, and later a reply that it no longer expects.",
@@ -81,20 +72,14 @@ crate::faults! {
             #[serde(default = "defaults::late")]
             by: Span,
         }
-        only "Only replies to this command, or packets of this type; default all."
-        chance "Probability for each frame; default 1." "defaults::always"
-        most "Maximum number of hits; default no limit."
-        on "Link; default main."
+        only chance most on
         /// Replies are sent twice.
         ReplyTwice = "reply-twice", Protocol,
         sees "The same frame again at once, which it may take for the reply to its next request.",
         counts "A frame was sent twice.",
         tries ["", "count = 1"]
         {}
-        only "Only replies to this command, or packets of this type; default all."
-        chance "Probability for each frame; default 1." "defaults::always"
-        most "Maximum number of hits; default no limit."
-        on "Link; default main."
+        only chance most on
         /// Replies are not sent.
         MissingReply = "missing-reply", Protocol,
         sees "No reply, although the command took effect.",
@@ -102,10 +87,7 @@ crate::faults! {
         tries ["", "count = 1"]
         weaker ["late-reply"]
         {}
-        only "Only replies to this command, or packets of this type; default all."
-        chance "Probability for each frame; default 1." "defaults::always"
-        most "Maximum number of hits; default no limit."
-        on "Link; default main."
+        only chance most on
         /// The previous frame is sent again instead of the right one.
         PreviousReply = "previous-reply", Protocol,
         sees "An old reply: other values than requested, or the reply to another command.",
@@ -113,9 +95,7 @@ crate::faults! {
         tries ["", "count = 1"]
         {}
         only "Only replaces replies to this command, or packets of this type; default all."
-        chance "Probability for each frame; default 1." "defaults::always"
-        most "Maximum number of hits; default no limit."
-        on "Link; default main."
+        chance most on
         /// The device sends a frame without a request.
         UnsolicitedFrame = "unsolicited-frame", Protocol,
         sees "A heartbeat reply, a status packet of zeros, or a line that it did not request.",
@@ -126,8 +106,7 @@ crate::faults! {
             #[serde(default, skip_serializing_if = "Option::is_none")]
             every: Option<Interval>,
         }
-        most "Maximum number of hits; default no limit."
-        on "Link; default main."
+        most on
     }
 }
 

@@ -20,9 +20,7 @@ crate::faults! {
         tries ["probability = 0.1", "probability = 1.0, count = 1"]
         {}
         chance "Probability for each byte; default 0.01." "defaults::rarely"
-        most "Maximum number of hits; default no limit."
-        way "Direction; default both." "defaults::both"
-        on "Link; default main."
+        most way on
         /// Bytes are lost on the wire.
         DroppedBytes = "dropped-bytes", Wire,
         sees "Frames that are too short; the next frame seems to be their end.",
@@ -30,9 +28,7 @@ crate::faults! {
         tries ["probability = 0.1", "probability = 1.0, count = 1"]
         {}
         chance "Probability for each byte; default 0.01." "defaults::rarely"
-        most "Maximum number of hits; default no limit."
-        way "Direction; default both." "defaults::both"
-        on "Link; default main."
+        most way on
         /// Bytes arrive twice.
         DuplicatedBytes = "duplicated-bytes", Wire,
         sees "Frames with one byte too many.",
@@ -40,9 +36,7 @@ crate::faults! {
         tries ["probability = 0.1", "probability = 1.0, count = 1"]
         {}
         chance "Probability for each byte; default 0.01." "defaults::rarely"
-        most "Maximum number of hits; default no limit."
-        way "Direction; default both." "defaults::both"
-        on "Link; default main."
+        most way on
         /// Random bytes appear between the others.
         InsertedBytes = "inserted-bytes", Wire,
         sees "Frames with a foreign byte in or before them.",
@@ -50,9 +44,7 @@ crate::faults! {
         tries ["probability = 0.1", "probability = 1.0, count = 1"]
         {}
         chance "Probability before each byte; default 0.01." "defaults::rarely"
-        most "Maximum number of hits; default no limit."
-        way "Direction; default both." "defaults::both"
-        on "Link; default main."
+        most way on
         /// Interference makes several bytes in a row random.
         Burst = "burst", Wire,
         sees "Runs of garbage inside frames and across them.",
@@ -66,8 +58,7 @@ crate::faults! {
         }
         chance "Probability for each byte that a burst begins; default 0.01." "defaults::rarely"
         most "Maximum number of bursts; default no limit."
-        way "Direction; default both." "defaults::both"
-        on "Link; default main."
+        way on
         /// Bytes are delayed by a fixed or a random time. They keep their order.
         Delay = "delay", Wire,
         sees "Late replies; with jitter, frames with pauses inside.",
@@ -82,8 +73,7 @@ crate::faults! {
             #[serde(default)]
             jitter: Span,
         }
-        way "Direction; default both." "defaults::both"
-        on "Link; default main."
+        way on
         /// Pauses divide what is sent in one piece.
         Fragmentation = "fragmentation", Wire,
         sees "A reply in pieces, over several reads.",
@@ -98,7 +88,7 @@ crate::faults! {
             pause: Span,
         }
         way "Direction; default to-client." "defaults::to_client"
-        on "Link; default main."
+        on
         /// Bytes stop, and all come at once when the stall ends, as with a busy USB adapter.
         Stall = "stall", Wire,
         sees "Silence, then everything at once, old replies first.",
@@ -106,8 +96,7 @@ crate::faults! {
         tries ["", "direction = \"to-client\""]
         weaker ["delay"]
         {}
-        way "Direction; default both." "defaults::both"
-        on "Link; default main."
+        way on
         /// One wire of the cable is broken: nothing arrives that way.
         Mute = "mute", Wire,
         sees "No replies; with `to-device`, a vehicle that does nothing and whose watchdog fires.",
@@ -116,7 +105,7 @@ crate::faults! {
         weaker ["stall", "missing-reply"]
         {}
         way "Direction; default to-client." "defaults::to_client"
-        on "Link; default main."
+        on
         /// The device's serial port runs at a wrong baud rate.
         WrongBaud = "wrong-baud", Wire,
         sees "Garbage instead of replies, and no reply to its requests.",
@@ -127,7 +116,7 @@ crate::faults! {
             #[serde(default = "defaults::wrong_baud")]
             baud: u32,
         }
-        on "Link; default main."
+        on
         /// The client's computer has another adapter.
         OtherAdapter = "other-adapter", Wire,
         sees "Replies in other pieces, as with `bytes` one byte after another; with `ftdi` late ones.",
@@ -139,7 +128,7 @@ crate::faults! {
             #[serde(default = "defaults::no_adapter")]
             adapter: Adapter,
         }
-        on "Link; default main."
+        on
         /// Random bytes appear on an idle line.
         IdleNoise = "idle-noise", Wire,
         sees "Bytes between replies that belong to no frame.",
@@ -150,16 +139,16 @@ crate::faults! {
             #[serde(default = "defaults::noise_every")]
             every: Interval,
         }
-        most "Maximum number of hits; default no limit."
+        most
         way "Direction; default to-client." "defaults::to_client"
-        on "Link; default main."
+        on
         /// The cable is pulled, and plugged in again at the end.
         CablePulled = "cable-pulled", Wire,
         sees "Its port hangs up, as with a pulled USB adapter, and can be opened again afterwards.",
         counts "A client had the port open, or something was sent.",
         weaker ["mute"]
         {}
-        on "Link; default main."
+        on
     }
 }
 

@@ -56,7 +56,7 @@ crate::faults! {
         {}
         only "Only replies to this command; default all."
         chance "Probability for each reply; default 1." "defaults::always"
-        most "Maximum number of hits; default no limit."
+        most
         /// Another load is connected to an output. Give its power or its resistance.
         RailLoad = "rail-load", Electrical,
         sees "Another current in 0x06; above the limit the output trips and `sysStatus` says so.",
