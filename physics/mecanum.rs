@@ -156,6 +156,10 @@ impl Plant for MecanumPlant {
         self.drive.gear.mass
     }
 
+    fn is_tipping(&self) -> bool {
+        self.drive.gear.tipping
+    }
+
     fn drawing(&self) -> Drawing {
         let settings = &self.settings;
         let (x, y) = (settings.body.half_wheelbase, settings.body.half_track);

@@ -82,6 +82,11 @@ pub trait Plant {
         self.vehicle().is_resting()
     }
 
+    /// Returns whether a wheel would lift off the ground, and the vehicle begin to tip over.
+    fn is_tipping(&self) -> bool {
+        false
+    }
+
     /// Checks again whether it can stand, after a change around it such as another ground.
     fn wake(&mut self) {
         self.vehicle_mut().wake();

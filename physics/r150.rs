@@ -255,6 +255,10 @@ impl Plant for R150Plant {
         self.drive.gear.mass
     }
 
+    fn is_tipping(&self) -> bool {
+        self.drive.gear.tipping
+    }
+
     fn drawing(&self) -> Drawing {
         let body = &self.settings.body;
         let radius = self.settings.tyre.wheel_radius;

@@ -62,12 +62,6 @@ impl EventKind {
         }
     }
 
-    /// A wheel would lift.
-    pub(crate) fn tipping() -> Self {
-        let text = "a wheel would lift: the vehicle would tip over";
-        Self::new(code::TIPPING, text)
-    }
-
     /// Something became of a fault: its name is that of its step, its id that of the catalogue.
     pub(crate) fn of_fault(code: Code, name: &str, id: &'static str, what: &str) -> Self {
         // A name that says nothing new is not said twice.

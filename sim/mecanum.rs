@@ -112,9 +112,6 @@ pub struct Mecanum {
     /// Times at which the last pulse of a wheel was taken, and the next one is to be.
     pulse_taken: SimTime,
     pulse_due: Option<SimTime>,
-    /// A wheel would have lifted after the last step, and when that began if it is to be reported.
-    tips: bool,
-    tipped_at: Option<SimTime>,
 }
 
 impl Mecanum {
@@ -133,8 +130,6 @@ impl Mecanum {
             plant_at: SimTime::ZERO,
             pulse_taken: SimTime::ZERO,
             pulse_due: None,
-            tips: false,
-            tipped_at: None,
         };
         car.exchange_signals(SimTime::ZERO);
         car
@@ -171,7 +166,7 @@ impl Device for Mecanum {
     }
 
     fn has_output(&self) -> bool {
-        self.device.has_output() || self.tipped_at.is_some()
+        self.device.has_output()
     }
 
     fn exchange_signals(&mut self, now: SimTime) {
@@ -200,10 +195,7 @@ impl Device for Mecanum {
     }
 
     fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
-        let tipped = |at| (at, EventKind::tipping());
-        self.device
-            .poll_event()
-            .or_else(|| self.tipped_at.take().map(tipped))
+        self.device.poll_event()
     }
 
     fn plant(&self) -> &dyn Plant {
@@ -224,11 +216,6 @@ impl Device for Mecanum {
     fn after_step(&mut self, now: SimTime, world: &mut World) {
         self.plant.after_step(world);
         self.plant_at = now;
-        let tips = self.plant.is_tipping();
-        if tips && !self.tips {
-            self.tipped_at = Some(now);
-        }
-        self.tips = tips;
     }
 
     fn no_faults(&self) -> Sum {

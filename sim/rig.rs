@@ -70,6 +70,8 @@ struct Slot {
     spec: &'static DeviceSpec,
     device: Box<dyn Device>,
     lines: Vec<SerialLine>,
+    /// A wheel would have lifted in the last step.
+    tips: bool,
     /// Faults armed in it, if any.
     faults: Option<Box<Injection>>,
 }
@@ -127,6 +129,7 @@ impl Rig {
             spec,
             device: built,
             lines: (0..setup.links).map(line).collect(),
+            tips: false,
             faults: None,
         });
         self.deadlines.push();

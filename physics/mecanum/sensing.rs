@@ -58,12 +58,6 @@ impl MecanumPlant {
         pulses
     }
 
-    /// Returns whether a wheel would lift off the ground, and the car begin to tip over.
-    #[must_use]
-    pub fn is_tipping(&self) -> bool {
-        self.drive.gear.tipping
-    }
-
     /// Returns its wheels and what they did on the ground.
     #[must_use]
     pub fn gear(&self) -> &RunningGear<WHEELS, Slanted> {

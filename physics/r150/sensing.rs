@@ -60,12 +60,11 @@ impl R150Plant {
         }
     }
 
-    /// Lists what is broken, too hot or about to tip.
+    /// Lists what is broken or too hot.
     #[must_use]
     pub fn health(&self) -> R150Health {
         R150Health {
             fuse_blown: FuseId::ALL.map(|fuse| self.is_fuse_blown(fuse)),
-            tipping: self.drive.gear.tipping,
             derated: self.drive.drivers.map(|driver| driver.derated).into(),
             shut_off: self.drive.drivers.map(|driver| driver.shut_off).into(),
         }

@@ -194,13 +194,11 @@ pub struct R150Measurements {
     pub power_module_fault: bool,
 }
 
-/// Things that are broken, too hot or about to tip.
+/// Things that are broken or too hot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct R150Health {
     /// Fuses that have blown, in the order of [`FuseId::ALL`](super::FuseId::ALL).
     pub fuse_blown: [bool; 4],
-    /// Set if a wheel would lift off the ground, and the vehicle begin to tip over.
-    pub tipping: bool,
     /// Sides of which the driver allows less current because of heat.
     pub derated: Sides<bool>,
     /// Sides of which the driver has shut off because of heat.
@@ -224,7 +222,7 @@ pub struct R150Truth {
     pub battery_current: f64,
     /// State of charge, 0–1.
     pub soc: f64,
-    /// Things that are broken, too hot or about to tip.
+    /// Things that are broken or too hot.
     pub health: R150Health,
     /// Temperature of the motors, °C.
     pub motor_celsius: Sides<f64>,

@@ -55,7 +55,7 @@ fn tips_at() -> f64 {
             .set_ground(Ground::new(1.2, degrees.to_radians(), 0.0));
         bench.command(|commands| commands.parking_brake = true);
         bench.run(1.0);
-        bench.plant.truth().health.tipping
+        bench.plant.is_tipping()
     };
     let (mut stands, mut falls) = (20.0, 40.0);
     while falls - stands > 0.01 {

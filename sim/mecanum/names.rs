@@ -1,5 +1,7 @@
 //! Names of conditions about a mecanum car.
 
+use rigsim_physics::Plant as _;
+
 use super::Mecanum;
 use crate::device::names::as_number;
 use crate::device::{NameInfo, View};

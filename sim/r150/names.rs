@@ -1,5 +1,6 @@
 //! Names of conditions about an R150.
 
+use rigsim_physics::Plant as _;
 use rigsim_physics::r150::{FuseId, Pair, Rail};
 
 use super::R150;
@@ -30,7 +31,7 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::flag("truth.motor_left_derated", "heat limits the left motor's current", |v| on(v, |r| r.plant.health().derated.left)),
     NameInfo::number("truth.motor_right_c", "degC", "temperature of the right motor", |v| on(v, |r| r.truth().motor_celsius.right)),
     NameInfo::number("truth.motor_left_c", "degC", "temperature of the left motor", |v| on(v, |r| r.truth().motor_celsius.left)),
-    NameInfo::flag("truth.tipping", "a wheel would lift: the vehicle would tip over", |v| on(v, |r| r.plant.health().tipping)),
+    NameInfo::flag("truth.tipping", "a wheel would lift: the vehicle would tip over", |v| on(v, |r| r.plant.is_tipping())),
     NameInfo::flag("truth.module_powered", "the IO module has a supply", |v| on(v, |r| r.plant.measurements().module_powered)),
     NameInfo::flag("mode.locked", "the remote control has locked the vehicle", |v| on(v, |r| r.device.vehicle().locked)),
     NameInfo::flag("mode.parked", "the parking brake is on", |v| on(v, |r| r.device.vehicle().parked)),

@@ -1,5 +1,5 @@
 //! Events of an R150's hardware that its firmware does not know of: fuses that blow, motors
-//! that are too hot, wheels that would lift.
+//! that are too hot.
 
 use rigsim_physics::r150::{FuseId, R150Health, Side};
 use rigsim_settings::SimTime;
@@ -59,9 +59,6 @@ impl Watch {
                 (false, false) => (MOTOR_COOLED, "motor has cooled"),
             };
             self.emit(now, code, format!("the {side} {text}"));
-        }
-        if state.tipping && !last.tipping {
-            self.events.push((now, EventKind::tipping()));
         }
     }
 

@@ -5,7 +5,7 @@ use rigsim_settings::SimTime;
 
 use super::{PortId, Rig, Slot};
 use crate::device::Device;
-use crate::event::Event;
+use crate::event::{Event, EventKind, code};
 use crate::injection::Injection;
 use crate::line::{LineEvent, SerialLine};
 use crate::newest::Newest;
@@ -68,6 +68,12 @@ impl Rig {
         let now = self.now;
         send(now, device, slot, &mut self.events);
         take_events(device, slot.device.as_mut(), &mut self.events);
+        let tips = slot.device.plant().is_tipping();
+        if !std::mem::replace(&mut slot.tips, tips) && tips {
+            let text = "a wheel would lift: the vehicle would tip over";
+            let event = EventKind::new(code::TIPPING, text);
+            self.events.push(event.at(now, device));
+        }
         self.deadlines.set(device, next(slot));
         let watched = slot.faults.is_some();
         if self.resting && !slot.device.plant().at_rest() {
