@@ -17,7 +17,7 @@ use rigsim_core::device::host::{Frame, FrameReader, Message};
 use rigsim_core::device::names::COMMON;
 use rigsim_core::device::{
     Begin, Device, DeviceSettings, DeviceSpec, Devices, Effect, EffectError, Form, Framing,
-    HostSpec, LinkSpec, OnHardware, Setup, Sum, Tally, Work, effects,
+    HostSpec, LinkSpec, OnHardware, Setup, Sum, Tally, Work, effects, typed,
 };
 use rigsim_core::event::{Code, EventKind, code};
 use rigsim_core::mecanum::MECANUM_SPEC;
@@ -46,15 +46,16 @@ static ROBOT: DeviceSpec = DeviceSpec {
     id: "robot",
     title: "a robot",
     about: "Small robot with two wheels and a protocol of lines",
-    links: &[LinkSpec::always(
-        "main",
-        "main",
-        Framing {
+    links: &[LinkSpec {
+        id: "main",
+        name: "main",
+        optional: None,
+        framing: Framing {
             form: Form::Lines,
             name: |_| "a reply".to_owned(),
             unasked: || b"OK\n".to_vec(),
         },
-    )],
+    }],
     starts: &[],
     settings: || Box::new(RobotSettings::default()),
     compare_first: &["baud", "battery"],
@@ -249,7 +250,7 @@ struct Robot {
 impl Robot {
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         Self {
-            settings: setup.own::<RobotSettings>().clone(),
+            settings: typed::<RobotSettings>(setup.settings).clone(),
             body: Differential::new(setup.name, DifferentialShape::default(), world, setup.pose),
             line: Vec::new(),
             speeds: [0; 2],

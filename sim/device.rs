@@ -168,19 +168,6 @@ pub struct LinkSpec {
     pub framing: Framing,
 }
 
-impl LinkSpec {
-    /// A link that is always there.
-    #[must_use]
-    pub const fn always(id: &'static str, name: &'static str, framing: Framing) -> Self {
-        Self {
-            id,
-            name,
-            optional: None,
-            framing,
-        }
-    }
-}
-
 /// A state in which a device can begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StartSpec {
@@ -210,7 +197,8 @@ pub struct Setup<'a> {
 /// Settings as those of the type that a row has.
 ///
 /// # Panics
-/// The row has settings of another type.
+/// The row has settings of another type: an error of the row that would otherwise give a default
+/// vehicle.
 #[must_use]
 pub fn typed<T: DeviceSettings>(settings: &dyn DeviceSettings) -> &T {
     #[expect(
@@ -235,16 +223,6 @@ impl<'a> Setup<'a> {
             pose: Pose::default(),
             seed: 0,
         }
-    }
-
-    /// Its settings as those of this type, which its row has.
-    ///
-    /// # Panics
-    /// The row builds a device from settings of another type than it has: an error of the row that
-    /// would otherwise give a default vehicle.
-    #[must_use]
-    pub fn own<T: DeviceSettings>(&self) -> &T {
-        typed(self.settings)
     }
 }
 

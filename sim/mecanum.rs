@@ -9,13 +9,15 @@ mod settings;
 
 use std::time::Duration;
 
-use rigsim_physics::mecanum::{MecanumPlant, MecanumTruth};
+use rigsim_physics::mecanum::{MecanumFaults, MecanumPlant, MecanumTruth};
 use rigsim_physics::{Plant, World};
 use rigsim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::device::names::COMMON;
-use crate::device::{Device, DeviceSpec, Form, Framing, LinkSpec, MotorState, Setup, Sum, effects};
+use crate::device::{
+    Device, DeviceSpec, Form, Framing, LinkSpec, MotorState, Setup, Sum, effects, typed,
+};
 use crate::effect;
 use crate::event::EventKind;
 use crate::firmware::Firmware;
@@ -32,10 +34,11 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
     title: "a mecanum car",
     about: "Mecanum car on the rayland-dual board: binary link, and ASCII link with --ros-pty",
     links: &[
-        LinkSpec::always(
-            "main",
-            "main",
-            Framing {
+        LinkSpec {
+            id: "main",
+            name: "main",
+            optional: None,
+            framing: Framing {
                 form: codec::FORM,
                 name: |packet| match packet.get(2) {
                     Some(number) => format!("status packet {number}"),
@@ -43,7 +46,7 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
                 },
                 unasked: || Status::default().encode(),
             },
-        ),
+        },
         LinkSpec {
             id: "ros",
             name: "ROS",
@@ -118,7 +121,7 @@ impl Mecanum {
     /// A car that has just been switched on; with two links its second UART is the ROS link
     /// instead of the magnetic sensor's.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
-        let MecanumSettings { firmware, plant } = setup.own::<MecanumSettings>().clone();
+        let MecanumSettings { firmware, plant } = typed::<MecanumSettings>(setup.settings).clone();
         let mut plant = MecanumPlant::new(setup.name, &plant, world, setup.pose);
         let chance = format!("{}.ultrasonic", setup.name);
         plant.set_chance(Noise::new(setup.seed, &chance));
@@ -219,7 +222,7 @@ impl Device for Mecanum {
     }
 
     fn no_faults(&self) -> Sum {
-        faults::no_faults()
+        Sum::new(faults::USUAL_DRAG, MecanumFaults::default())
     }
 
     fn set_faults(&mut self, _now: SimTime, sum: &Sum) {

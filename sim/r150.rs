@@ -16,7 +16,7 @@ use rigsim_settings::SimTime;
 use crate::defects::{DefectCounts, Defects};
 use crate::device::names::COMMON;
 use crate::device::{
-    Device, DeviceSpec, Framing, LinkSpec, MotorState, Setup, StartSpec, Sum, effects,
+    Device, DeviceSpec, Framing, LinkSpec, MotorState, Setup, StartSpec, Sum, effects, typed,
 };
 use crate::effect;
 use crate::event::EventKind;
@@ -34,7 +34,12 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
     id: "r150",
     title: "an R150",
     about: "XAG R150 unmanned ground vehicle, through its RS-232 IO module",
-    links: &[LinkSpec::always("main", "RS-232", FRAMES)],
+    links: &[LinkSpec {
+        id: "main",
+        name: "RS-232",
+        optional: None,
+        framing: FRAMES,
+    }],
     starts: &[
         StartSpec {
             id: "ready",
@@ -116,7 +121,7 @@ impl R150 {
     /// A vehicle that has just been switched on.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         let &Setup { name, seed, .. } = setup;
-        let settings = setup.own::<R150Settings>().clone();
+        let settings = typed::<R150Settings>(setup.settings).clone();
         let start = match setup.start {
             0 => Start::Ready,
             _ => Start::Locked,
@@ -216,7 +221,7 @@ impl Device for R150 {
     }
 
     fn no_faults(&self) -> Sum {
-        faults::no_faults()
+        Sum::new(faults::USUAL_DRAG, faults::Layer::default())
     }
 
     fn set_faults(&mut self, now: SimTime, sum: &Sum) {

@@ -46,9 +46,9 @@ macro_rules! shared_text {
 /// Declares kinds of faults: a type with a variant for each, read from `fault = { kind = … }`.
 ///
 /// A parameter without `#[serde(…)]` must be given. Parameters that many faults take follow the
-/// braces, each with its description and its default where those are not the usual ones: `motors`, `only` replies
-/// to some command, `chance`, `most` times, `way` and link (`on`). Together they are its
-/// [`Scope`](crate::device::parameters::Scope). The crate needs `serde` and `schemars`.
+/// braces, each with its description and its default where those are not the usual ones: `motors`,
+/// `only` replies to some command, `chance`, `most` times, `way` and link (`on`). Together they are
+/// its [`Scope`](crate::device::parameters::Scope). The crate needs `serde` and `schemars`.
 ///
 /// After `counts` stands what a search takes from it, where that is not the usual: parameters that it
 /// `tries`, how long the fault `lasts`, and `weaker` kinds; see [`EffectInfo`].
@@ -181,9 +181,7 @@ macro_rules! faults {
                 $crate::device::kind_of(<Self as $crate::device::Kinds>::KINDS, id)
             }
 
-            #[allow(unused_mut, reason = "some declarations have no such parameter")]
             fn scope(&self) -> $crate::device::parameters::Scope {
-                let mut scope = $crate::device::parameters::Scope::default();
                 match self { $(
                     Self::$variant {
                         $( motors: $crate::name_behind!([$motors] motors), )?
@@ -193,16 +191,16 @@ macro_rules! faults {
                         $( direction: $crate::name_behind!([$($way)?] direction), )?
                         $( link: $crate::name_behind!([$($on)?] link), )?
                         ..
-                    } => {
-                        $( scope.motors = Some(*$crate::name_behind!([$motors] motors)); )?
-                        $( scope.command = *$crate::name_behind!([$($only)?] command); )?
-                        $( scope.probability = *$crate::name_behind!([$($chance)?] probability); )?
-                        $( scope.count = *$crate::name_behind!([$($most)?] count); )?
-                        $( scope.direction = *$crate::name_behind!([$($way)?] direction); )?
-                        $( scope.link = Some($crate::name_behind!([$($on)?] link).clone()); )?
-                    }
+                    } => $crate::device::parameters::Scope {
+                        $( motors: Some(*$crate::name_behind!([$motors] motors)), )?
+                        $( command: *$crate::name_behind!([$($only)?] command), )?
+                        $( probability: *$crate::name_behind!([$($chance)?] probability), )?
+                        $( count: *$crate::name_behind!([$($most)?] count), )?
+                        $( direction: *$crate::name_behind!([$($way)?] direction), )?
+                        $( link: Some($crate::name_behind!([$($on)?] link).clone()), )?
+                        ..Default::default()
+                    },
                 )+ }
-                scope
             }
         }
     };

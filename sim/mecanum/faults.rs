@@ -15,7 +15,7 @@ use crate::noise::Noise;
 use crate::rounding::round;
 
 /// Drag on a wheel unless given, N·m.
-const USUAL_DRAG: f64 = 0.5;
+pub(super) const USUAL_DRAG: f64 = 0.5;
 /// Slower than this a wheel stands, rad/s.
 const STANDING: f64 = 0.01;
 
@@ -311,10 +311,6 @@ impl OnHardware for AtWork {
 
 fn runs(pins: PortCommand, speed_voltage: f64) -> bool {
     !pins.brake && speed_voltage > 0.0
-}
-
-pub(super) fn no_faults() -> Sum {
-    Sum::new(USUAL_DRAG, MecanumFaults::default())
 }
 
 impl Mecanum {

@@ -17,7 +17,7 @@ use crate::r150_device::can::CanFailure;
 use crate::r150_device::command::{self, Request};
 
 /// Drag on the wheels of a side unless given, N·m.
-const USUAL_DRAG: f64 = 100.0;
+pub(super) const USUAL_DRAG: f64 = 100.0;
 /// Slower than this wheels stand, rad/s.
 const STANDING: f64 = 0.01;
 /// Temperature of a converter that is too hot, °C.
@@ -327,13 +327,9 @@ fn is_about(motors: Motors, side: Side) -> bool {
 
 /// Sum of the faults at work that only an R150 has.
 #[derive(Debug, Clone, PartialEq, Default)]
-struct Layer {
+pub(super) struct Layer {
     whole: R150Faults,
     can: Option<CanFailure>,
-}
-
-pub(super) fn no_faults() -> Sum {
-    Sum::new(USUAL_DRAG, Layer::default())
 }
 
 impl R150 {
