@@ -41,6 +41,25 @@ macro_rules! words {
     )+ };
 }
 
+/// Declares [words](crate::words) that files have. The crate needs `serde` and `schemars`.
+#[macro_export]
+macro_rules! file_words {
+    ($(
+        $(#[$meta:meta])*
+        $vis:vis enum $name:ident {
+            $( $(#[$variant_meta:meta])* $variant:ident = $word:literal ),+ $(,)?
+        }
+    )+) => {
+        $crate::words! { $(
+            $(#[$meta])*
+            #[derive(serde::Deserialize, schemars::JsonSchema)]
+            $vis enum $name {
+                $( $(#[$variant_meta])* #[serde(rename = $word)] $variant = $word ),+
+            }
+        )+ }
+    };
+}
+
 /// Declares [words](crate::words) that settings may have.
 ///
 /// ```

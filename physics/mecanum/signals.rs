@@ -3,9 +3,6 @@
 //! The board drives motor *ports*; which wheel turns is a matter of how the motors are plugged in:
 //! as the firmware expects, but for [`PlugSwaps`].
 
-use schemars::JsonSchema;
-use serde::Deserialize;
-
 /// Number of motor ports of the board.
 pub const PORTS: usize = 5;
 /// Number of wheels of the car.
@@ -13,11 +10,9 @@ pub const WHEELS: usize = 4;
 /// Number of ultrasonic sensors of the car.
 pub const ECHOES: usize = 8;
 
-rigsim_settings::words! {
+rigsim_settings::file_words! {
     /// A motor port of the board, by its name there in lower case; in the order of the arrays of
     /// [`MecanumCommands`] and [`MecanumMeasurements`].
-    #[derive(Deserialize, JsonSchema)]
-    #[serde(rename_all = "kebab-case")]
     pub enum Port {
         /// X.
         X = "x",
@@ -30,7 +25,9 @@ rigsim_settings::words! {
         /// E1.
         E1 = "e1",
     }
+}
 
+rigsim_settings::words! {
     /// A wheel of the car, in the order in which every array of wheels has them.
     pub enum Wheel {
         /// Left front.

@@ -2,9 +2,6 @@
 
 use std::time::Duration;
 
-use schemars::JsonSchema;
-use serde::Deserialize;
-
 use super::settings::FuseSettings;
 
 /// Multiple of the rating that a fuse carries for ever: automotive blade and strip fuses.
@@ -14,10 +11,8 @@ const SMALL_MODULES: f64 = 5.0;
 /// Time constant of its warming; twice the rating then blows in about five seconds.
 pub(super) const TIME_CONSTANT: Duration = Duration::from_secs(10);
 
-rigsim_settings::words! {
+rigsim_settings::file_words! {
     /// A fuse of the junction box.
-    #[derive(Deserialize, JsonSchema)]
-    #[serde(rename_all = "kebab-case")]
     pub enum FuseId {
         /// Supply of the right motor.
         MotorRight = "motor-right",

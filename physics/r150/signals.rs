@@ -2,9 +2,6 @@
 
 use std::ops::{Index, IndexMut};
 
-use schemars::JsonSchema;
-use serde::Deserialize;
-
 use crate::faults::number;
 use crate::plant::Motion;
 
@@ -53,34 +50,31 @@ impl<T> IndexMut<Side> for Sides<T> {
     }
 }
 
-rigsim_settings::words! {
+rigsim_settings::file_words! {
     /// One of the module's switched outputs; the number is its bit in the power status. Its name in
     /// conditions stands for it in files as well: `v12a`.
-    #[derive(Deserialize, JsonSchema)]
     pub enum Rail {
         /// 12 V output A.
-        #[serde(rename = "12v-a", alias = "v12a")]
+        #[serde(alias = "v12a")]
         V12A = "12v-a",
         /// 12 V output B.
-        #[serde(rename = "12v-b", alias = "v12b")]
+        #[serde(alias = "v12b")]
         V12B = "12v-b",
         /// 12 V output C.
-        #[serde(rename = "12v-c", alias = "v12c")]
+        #[serde(alias = "v12c")]
         V12C = "12v-c",
         /// 12 V output D.
-        #[serde(rename = "12v-d", alias = "v12d")]
+        #[serde(alias = "v12d")]
         V12D = "12v-d",
         /// The 48 V output.
-        #[serde(rename = "48v", alias = "v48")]
+        #[serde(alias = "v48")]
         V48 = "48v",
         /// The 5 V outputs.
-        #[serde(rename = "5v", alias = "v5")]
+        #[serde(alias = "v5")]
         V5 = "5v",
     }
 
     /// A pair of 12 V outputs, which share a converter.
-    #[derive(Deserialize, JsonSchema)]
-    #[serde(rename_all = "kebab-case")]
     pub enum Pair {
         /// A and B.
         Ab = "ab",

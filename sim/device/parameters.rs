@@ -25,10 +25,9 @@ impl Default for Probability {
     }
 }
 
-rigsim_settings::words! {
+rigsim_settings::file_words! {
     /// Direction in which bytes travel.
-    #[derive(Default, Deserialize, JsonSchema)]
-    #[serde(rename_all = "kebab-case")]
+    #[derive(Default)]
     pub enum Direction {
         /// From the client to the device.
         ToDevice = "to-device",
@@ -40,8 +39,6 @@ rigsim_settings::words! {
     }
 
     /// Motors with their gears and wheels. The wheels of one side of an R150 are geared together.
-    #[derive(Deserialize, JsonSchema)]
-    #[serde(rename_all = "kebab-case")]
     pub enum Motors {
         /// Of the left side.
         Left = "left",

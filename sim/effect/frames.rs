@@ -3,8 +3,6 @@
 use std::time::Duration;
 
 use rigsim_settings::{SimTime, Span};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::defaults;
 use crate::device::parameters::{Interval, Scope};
@@ -13,10 +11,9 @@ use crate::device::{
 };
 use crate::noise::Noise;
 
-rigsim_settings::words! {
+rigsim_settings::file_words! {
     /// Part of a frame that is wrong about its length.
-    #[derive(Default, Deserialize, JsonSchema)]
-    #[serde(rename_all = "kebab-case")]
+    #[derive(Default)]
     pub enum WrongLength {
         /// Parameters are missing or added, and the rest of the frame fits them.
         #[default]

@@ -2,8 +2,6 @@
 
 use rigsim_physics::mecanum::{ECHOES, MecanumFaults, Port, PortCommand, Ultrasonic, Wheel};
 use rigsim_settings::Length;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::Mecanum;
 use crate::device::parameters::Scope;
@@ -33,10 +31,9 @@ pub(super) fn check_scope(scope: &Scope) -> Result<(), String> {
     }
 }
 
-rigsim_settings::words! {
+rigsim_settings::file_words! {
     /// Ultrasonic sensors, each row counted from the left.
-    #[derive(Default, Deserialize, JsonSchema)]
-    #[serde(rename_all = "kebab-case")]
+    #[derive(Default)]
     pub enum Echoes {
         /// All eight.
         #[default]
@@ -46,28 +43,20 @@ rigsim_settings::words! {
         /// All in the rear.
         Rear = "rear",
         /// Leftmost in front, `ut_f[0]`.
-        #[serde(rename = "front-1")]
         Front1 = "front-1",
         /// `ut_f[1]`.
-        #[serde(rename = "front-2")]
         Front2 = "front-2",
         /// `ut_f[2]`.
-        #[serde(rename = "front-3")]
         Front3 = "front-3",
         /// Rightmost in front, `ut_f[3]`.
-        #[serde(rename = "front-4")]
         Front4 = "front-4",
         /// Leftmost in the rear, `ut_b[0]`.
-        #[serde(rename = "rear-1")]
         Rear1 = "rear-1",
         /// `ut_b[1]`.
-        #[serde(rename = "rear-2")]
         Rear2 = "rear-2",
         /// `ut_b[2]`.
-        #[serde(rename = "rear-3")]
         Rear3 = "rear-3",
         /// Rightmost in the rear, `ut_b[3]`.
-        #[serde(rename = "rear-4")]
         Rear4 = "rear-4",
     }
 }

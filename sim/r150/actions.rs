@@ -152,9 +152,8 @@ struct SignalKeys {
     from_output: Option<ChannelText>,
 }
 
-rigsim_settings::words! {
+rigsim_settings::file_words! {
     /// A PWM input or output.
-    #[derive(Deserialize, JsonSchema)]
     enum ChannelText {
         /// A.
         A = "A",

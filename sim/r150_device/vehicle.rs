@@ -3,16 +3,11 @@
 
 use std::fmt;
 
-use schemars::JsonSchema;
-use serde::Deserialize;
-
 use super::control::{Outputs, Parts};
 use super::settings::R150FirmwareSettings;
 
-rigsim_settings::words! {
+rigsim_settings::file_words! {
     /// A motion key of the remote control.
-    #[derive(Deserialize, JsonSchema)]
-    #[serde(rename_all = "kebab-case")]
     pub enum Key {
         /// Forward, 向前.
         Forward = "forward",
