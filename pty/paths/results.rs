@@ -71,9 +71,8 @@ impl Results {
     /// # Errors
     /// When something else is there by now, or the system refuses.
     pub fn write(&self, bytes: &[u8]) -> Result<(), PortErrorKind> {
-        match (&self.to, self.put(bytes)?) {
-            (To::Place(place), Some(lock)) => lock.remove(place),
-            _ => {}
+        if let (To::Place(place), Some(lock)) = (&self.to, self.put(bytes)?) {
+            lock.remove(place);
         }
         Ok(())
     }
