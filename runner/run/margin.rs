@@ -14,34 +14,24 @@ const EVERY: Duration = Duration::from_millis(20);
 const SMALLEST: f64 = 1e-4;
 
 /// The smallest slack so far.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Slack {
-    share: f64,
+    share: Option<f64>,
     at: SimTime,
     /// The distance is not measured before.
     next: SimTime,
 }
 
-impl Default for Slack {
-    fn default() -> Self {
-        Self {
-            share: f64::INFINITY,
-            at: SimTime::ZERO,
-            next: SimTime::ZERO,
-        }
-    }
-}
-
 impl Slack {
     pub(super) fn break_at(&mut self, now: SimTime) {
-        (self.share, self.at) = (0.0, now);
+        (self.share, self.at) = (Some(0.0), now);
     }
 
     /// What was kept had this slack; times are measured without rounding.
     pub(super) fn narrow(&mut self, share: f64, now: SimTime) {
         let share = ((share / SMALLEST).round() * SMALLEST).max(SMALLEST);
-        if share < self.share {
-            (self.share, self.at) = (share, now);
+        if self.share.is_none_or(|smallest| share < smallest) {
+            (self.share, self.at) = (Some(share), now);
         }
     }
 
@@ -53,7 +43,7 @@ impl Slack {
     }
 
     pub(super) fn margin(self, what: String) -> Option<Margin> {
-        let (margin, at) = (self.share, self.at);
+        let (margin, at) = (self.share?, self.at);
         margin.is_finite().then_some(Margin { what, margin, at })
     }
 
