@@ -85,16 +85,23 @@ impl Situation {
     /// Returns whether a condition holds, unless it speaks of what no step has remembered yet.
     ///
     /// # Errors
-    /// As [`Condition::holds`].
+    /// When it has no value, which only a number that is not one (as 0/0) can bring about.
     pub(crate) fn evaluate(&self, condition: &Condition) -> Result<Option<bool>, ExpressionError> {
-        let known = condition.is_known(self);
-        known.then(|| condition.holds(self)).transpose()
+        if !condition.is_known(self) {
+            return Ok(None);
+        }
+        match condition.value(self)? {
+            Reading::Flag(holds) => Ok(Some(holds)),
+            Reading::Number(_) => Err(ExpressionError::NoFlag {
+                expression: condition.text.clone(),
+            }),
+        }
     }
 
     /// Returns whether a condition holds; what is not known yet does not.
     ///
     /// # Errors
-    /// As [`Condition::holds`].
+    /// As [`Situation::evaluate`].
     pub(crate) fn holds(&self, condition: &Condition) -> Result<bool, ExpressionError> {
         Ok(self.evaluate(condition)?.unwrap_or(false))
     }
@@ -156,23 +163,10 @@ impl Condition {
         })
     }
 
-    /// Returns whether it holds.
-    ///
-    /// # Errors
-    /// When it has no value, which only a number that is not one (as 0/0) can bring about.
-    pub(crate) fn holds(&self, situation: &Situation) -> Result<bool, ExpressionError> {
-        match self.value(situation)? {
-            Reading::Flag(holds) => Ok(holds),
-            Reading::Number(_) => Err(ExpressionError::NoFlag {
-                expression: self.text.clone(),
-            }),
-        }
-    }
-
     /// Evaluates it now.
     ///
     /// # Errors
-    /// As [`Condition::holds`].
+    /// As [`Situation::evaluate`].
     pub(crate) fn value(&self, situation: &Situation) -> Result<Reading, ExpressionError> {
         let value = self.part.value(situation);
         value.ok_or_else(|| ExpressionError::NoValue {
@@ -183,11 +177,6 @@ impl Condition {
     /// Returns whether it can be nearer to holding and farther from it: it compares.
     pub(crate) fn is_gradual(&self) -> bool {
         self.part.is_gradual()
-    }
-
-    /// Distance from holding, 0 at most; larger is nearer.
-    pub(crate) fn nearness(&self, situation: &Situation) -> f64 {
-        self.margin(situation).min(0.0)
     }
 
     /// The distance from changing between true and false, positive where it holds.

@@ -144,7 +144,8 @@ impl StepState {
         {
             return;
         }
-        let by = condition.nearness(situation);
+        // The distance from holding; larger is nearer.
+        let by = condition.margin(situation).min(0.0);
         match before {
             Some(before) if before.by >= by => before.measured = now,
             _ => {
