@@ -650,8 +650,8 @@ fn a_simulator_that_an_agent_started_ends_with_the_server() {
     let mut server = self::server(&folder);
     let start = call(1, "start", json!({"device": "r150"}));
     writeln!(server.stdin.as_mut().unwrap(), "{start}").unwrap();
-    let answers = BufReader::new(server.stdout.take().unwrap()).lines();
-    assert!(answers.skip(1).next().unwrap().is_ok());
+    let mut answers = BufReader::new(server.stdout.take().unwrap()).lines();
+    assert!(answers.nth(1).unwrap().is_ok());
     assert_eq!(programs(&folder), 3);
     signal(&server, rustix::process::Signal::KILL);
     server.wait().unwrap();
