@@ -336,7 +336,9 @@ impl<'o> Replay<'o> {
     /// Where the second run first differs, or that the trace has no end.
     pub fn finish(self) -> Result<(), ReplayError> {
         if !self.ended {
-            return Err(self.malformed("the trace has no end, as after a run that was killed".to_owned()));
+            return Err(
+                self.malformed("the trace has no end, as after a run that was killed".to_owned())
+            );
         }
         for (port, stream) in &self.streams {
             if !stream.recorded.is_empty() || !stream.now.is_empty() {
