@@ -127,7 +127,8 @@ pub(crate) struct RunArgs {
     pub(crate) speed: Option<f64>,
     /// Time limit for each scenario, as in 90s or "2 min" [default: twice the file's `limit` and
     /// 30 s]. With --time lockstep it limits the processor time of client and simulator; after ten times as
-    /// much real time there is an error and no verdict. Otherwise it limits real time.
+    /// much real time there is an error and no verdict, as there is without a client. Otherwise it limits
+    /// real time.
     #[arg(long, value_name = "TIME", value_parser = some_time)]
     pub(crate) timeout: Option<Span>,
     /// With --time real: how long a busy machine may stall the simulator in all. A scenario that fails

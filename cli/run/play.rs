@@ -27,8 +27,8 @@ pub(super) fn over_time(case: &Case<'_>, real: bool) -> String {
         (true, true) => {
             let real = show_duration(case.allowed.saturating_mul(REAL_TIME_FACTOR));
             format!(
-                "the machine is too busy for a verdict: it was still running after {real} of real time, before it \
-                 had used the {allowed} of processor time that --timeout allows"
+                "it was still running after {real} of real time, before it had used the {allowed} of processor \
+                 time that --timeout allows"
             )
         }
         (is_lockstep, _) => {
@@ -41,7 +41,7 @@ pub(super) fn over_time(case: &Case<'_>, real: bool) -> String {
 /// End of a run for which there was not enough real time: no verdict, unless a rule was broken before.
 pub(super) fn out_of_real_time(run: &mut Run, why: String) -> Ended {
     if run.failures().is_empty() {
-        return Ended::NoVerdict(why);
+        return Ended::NoVerdict(format!("the machine is too busy for a verdict: {why}"));
     }
     run.fail(why);
     Ended::Played
