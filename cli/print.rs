@@ -105,7 +105,8 @@ impl OutputFile {
         }
         let emptied = self.write("");
         emptied.map_err(|failure| Failure::usage(failure.error))?;
-        std::fs::remove_file(&self.path)
+        let removed = self.to.remove();
+        removed
             .with_context(|| format!("cannot remove {}", visible::name(&self.path)))
             .map_err(Failure::usage)
     }

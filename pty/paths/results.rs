@@ -77,20 +77,39 @@ impl Results {
         Ok(())
     }
 
-    /// The same; no other process can write them until they are dropped, which removes the file.
+    /// Removes an earlier file.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn remove(&self) -> Result<(), PortErrorKind> {
+        let To::Place(place) = &self.to else {
+            return Ok(());
+        };
+        let lock = Lock::take(place)?;
+        let removed = match is_earlier(place, &place.name, self.marks) {
+            true => unlinkat(&place.dir, &place.name, AtFlags::empty())
+                .map_err(|errno| place.refusal("unlink", errno)),
+            false => Ok(()),
+        };
+        lock.remove(place);
+        removed
+    }
+
+    /// Writes results as a whole. No other process can write them until they are dropped, which removes the file.
     ///
     /// # Errors
     /// When something else is there by now, another process holds it, or the system refuses.
     pub fn hold(self, bytes: &[u8]) -> Result<HeldResults, PortErrorKind> {
         let lock = self.put(bytes)?;
-        if let Some(lock) = &lock {
-            lock.record(Path::new(""))?;
-        }
-        Ok(HeldResults {
+        let held = HeldResults {
             results: self,
             bytes: bytes.to_vec(),
             lock,
-        })
+        };
+        if let Some(lock) = &held.lock {
+            lock.record(Path::new(""))?;
+        }
+        Ok(held)
     }
 
     /// Writes them. Returns the lock of a file, which is also removed if that fails.
