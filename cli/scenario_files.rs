@@ -154,8 +154,16 @@ impl Loaded {
             let value: String = value.chars().map(letter).collect();
             stem.push(format!("-{name}-{value}"));
         }
-        let begins = stem.len().saturating_sub(MOST_STEM);
+        let mut begins = stem.len().saturating_sub(MOST_STEM);
         if begins > 0 {
+            // Not within a character.
+            while stem
+                .as_bytes()
+                .get(begins)
+                .is_some_and(|byte| byte & 0xC0 == 0x80)
+            {
+                begins += 1;
+            }
             let mut all = DefaultHasher::new();
             all.write(stem.as_bytes());
             let mut short = OsString::from(format!("{:08x}-", all.finish() & 0xFFFF_FFFF));

@@ -650,6 +650,21 @@ fn errors_and_ends_of_what_is_no_file_no_path_or_too_long() {
     let ended = start(folder, &["check", "pipe"]).wait();
     assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
     writer.join().unwrap();
+    // Names of results begin with a digest where the path is too long for one, and no character is cut.
+    let long = ["\u{8f66}".repeat(78), "a".repeat(2)].concat();
+    for name in [&long, &format!("b{long}"), &format!("bb{long}")] {
+        fs::write(folder.join(format!("{name}.toml")), short("Long")).unwrap();
+        let args = ["run", "--output", "long", &format!("{name}.toml")];
+        let ended = start(folder, &args).wait();
+        assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    }
+    let names = fs::read_dir(folder.join("long")).unwrap();
+    let names: Vec<_> = names.map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names.len(), 6, "{names:?}");
+    assert!(
+        names.iter().all(|name| name.to_str().is_some()),
+        "{names:?}"
+    );
 
     start(folder, &["--pty", "new/"])
         .wait()
