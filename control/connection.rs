@@ -265,7 +265,11 @@ impl<'a> Connection<'a> {
 }
 
 /// Waits for messages and takes what there are; says how many, and whether more may come.
-fn next_messages(messages: &Receiver<Message>, watch: &Watch, text: &mut Vec<u8>) -> (u64, bool) {
+pub(super) fn next_messages(
+    messages: &Receiver<Message>,
+    watch: &Watch,
+    text: &mut Vec<u8>,
+) -> (u64, bool) {
     let mut count = 0;
     let first = messages.recv_timeout(SIGN_OF_LIFE);
     let more = !matches!(first, Err(RecvTimeoutError::Disconnected));
