@@ -17,8 +17,6 @@ use crate::session::{Player, Setup, truth};
 pub(crate) const MOST_DRIVEN: usize = 12;
 /// Most simulated time of a scenario.
 const MOST_TIME: Duration = Duration::from_millis(200);
-/// A step of the physics, unless it is set.
-const STEP: Duration = Duration::from_millis(5);
 
 /// A refusal must say something, and not everything.
 pub(crate) fn is_reported(error: &str) {
@@ -32,7 +30,7 @@ pub(crate) fn is_reported(error: &str) {
 pub fn settings(text: &str) {
     let mut settings = SimSettings::new(SHIPPED);
     match load_toml(text, "settings.toml", &mut settings) {
-        Ok(()) => drive(&settings, WorldMap::default(), STEP, 40),
+        Ok(()) => drive(&settings, WorldMap::default(), None, 40),
         Err(errors) => errors
             .iter()
             .for_each(|error| is_reported(&error.to_string())),
@@ -42,7 +40,7 @@ pub fn settings(text: &str) {
 /// A world file: both devices are driven in it for some steps.
 pub fn world(text: &str) {
     match WorldMap::from_toml(text, "world.toml") {
-        Ok(map) => drive(&SimSettings::new(SHIPPED), map, STEP, 40),
+        Ok(map) => drive(&SimSettings::new(SHIPPED), map, None, 40),
         Err(error) => is_reported(&error.to_string()),
     }
 }
@@ -53,7 +51,7 @@ pub fn rig(text: &str) {
     match RigPlan::parse(Source { file, text }, &SimSettings::new(SHIPPED)) {
         Ok(plan) => {
             if plan.devices.len() <= MOST_DRIVEN {
-                Player::new(plan, WorldMap::default(), Wire::Paced, 1).drive(STEP, 20);
+                Player::new(plan, WorldMap::default(), Wire::Paced, 1).drive(None, 20);
             }
         }
         Err(error) => is_reported(&error.to_string()),
@@ -122,7 +120,7 @@ pub(crate) fn goes_on(error: &RunError) {
 ///
 /// # Panics
 /// When a promise is broken.
-pub fn drive(settings: &SimSettings, map: WorldMap, pace: Duration, rounds: usize) {
+pub fn drive(settings: &SimSettings, map: WorldMap, pace: Option<Duration>, rounds: usize) {
     let setup = Setup {
         all_links: true,
         ..Setup::default()

@@ -10,8 +10,10 @@ use toml::de::DeValue;
 use super::Player;
 
 impl Player {
-    /// Drives all devices for so many rounds: in every tenth, each gets one more command.
-    pub(crate) fn drive(&mut self, pace: Duration, rounds: usize) {
+    /// Drives all devices for so many rounds of this length, or of a step of the physics: in every tenth, each
+    /// gets one more command.
+    pub(crate) fn drive(&mut self, pace: Option<Duration>, rounds: usize) {
+        let pace = pace.unwrap_or(self.rig.world().step_length());
         let commands = self.plan.devices.iter().map(|plan| driving(plan.device));
         let commands: Vec<_> = commands.collect();
         for round in 0..rounds {

@@ -75,7 +75,7 @@ impl Setup {
     }
 }
 
-/// Walls within reach, slopes, a strip, and a tag under the car.
+/// Walls within reach, a slope, a strip, and a tag under the car.
 fn yard() -> WorldMap {
     static YARD: LazyLock<WorldMap> = LazyLock::new(|| {
         let text = include_str!("../corpus/world.toml");

@@ -76,7 +76,7 @@ fn absurd_values_are_refused_by_name_or_do_no_harm() {
                 }
                 Ok(()) => {
                     driven += 1;
-                    text::drive(&settings, WorldMap::default(), PACE, 20);
+                    text::drive(&settings, WorldMap::default(), Some(PACE), 20);
                 }
             }
             for not_finite in ["nan", "inf", "1e308", "1e400"] {
@@ -105,7 +105,7 @@ fn both_ends_of_every_range_drive() {
             assert_eq!(loaded, Ok(()), "{text}");
             tried += 1;
             println!("{text}");
-            text::drive(&settings, WorldMap::default(), PACE, 20);
+            text::drive(&settings, WorldMap::default(), Some(PACE), 20);
         }
     }
     assert!(tried > 200, "{tried}");
@@ -143,6 +143,6 @@ proptest! {
     fn any_extremes_together_drive(text in any_extremes()) {
         let mut settings = SimSettings::new(rigsim_core::SHIPPED);
         prop_assert_eq!(load_toml(&text, "my.toml", &mut settings), Ok(()));
-        text::drive(&settings, WorldMap::default(), PACE, 10);
+        text::drive(&settings, WorldMap::default(), Some(PACE), 10);
     }
 }
