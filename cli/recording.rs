@@ -25,7 +25,7 @@ use crate::visible;
 /// What the beginning of a trace has.
 pub(crate) const MARKS: &[&str] = &["{\"kind\":\"header\""];
 
-/// Most real time that lines of a trace wait to be written, beside that until the next one.
+/// Real time after which the next line of a trace writes those that wait.
 const FLUSH: Duration = Duration::from_secs(1);
 
 /// Name in the header of the recording of a vehicle.
@@ -136,7 +136,7 @@ impl TraceFile {
         }
     }
 
-    /// Adds what a run has to tell. It is in the file within a second of real time.
+    /// Adds what a run has to tell.
     pub(crate) fn take(&mut self, run: &mut Run) {
         while let Some(line) = run.poll_trace() {
             self.line(&line);

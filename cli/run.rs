@@ -75,6 +75,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         let text: Vec<String> = loaded.iter().map(tell::listed).collect();
         return print(&text.join("\n"));
     }
+    check_client(args)?;
     check_time(args)?;
     if args.output.is_some() || args.report.is_some() {
         refuse_shared_files(&loaded)?;
@@ -196,15 +197,20 @@ fn leave_out_known<'a>(
     earlier
 }
 
-/// Refuses flags that the time of the run has no use for, and a client that is not there.
-fn check_time(args: &RunArgs) -> Result<(), Failure> {
-    // Otherwise the scripts pass where the variable of a build that names the client is empty.
-    let ends = std::env::args_os().next_back();
-    if args.client.is_empty() && ends.is_some_and(|last| last == "--") {
+/// Refuses `--` with nothing behind it: otherwise the scripts pass where the variable of a build that names the
+/// client is empty.
+fn check_client(args: &RunArgs) -> Result<(), Failure> {
+    let last = std::env::args_os().next_back();
+    if args.client.is_empty() && last.is_some_and(|last| last == "--") {
         return Err(Failure::usage(anyhow!(
             "no client stands behind `--`; leave `--` out to play the scripts in the files"
         )));
     }
+    Ok(())
+}
+
+/// Refuses flags that the time of the run has no use for.
+fn check_time(args: &RunArgs) -> Result<(), Failure> {
     let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
     let is_lockstep = !args.client.is_empty() && args.time == TimeArg::Lockstep;
     if args.speed.is_some() && !is_real {

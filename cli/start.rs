@@ -154,7 +154,7 @@ impl Session {
             "seed": seed,
             "ports": ports,
         });
-        // Who finds the ready file finds the address of the control socket in the log.
+        // A script that finds the ready file finds the address of the control socket in the log.
         log.flush();
         let ready_file = args
             .ready_file

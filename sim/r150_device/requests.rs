@@ -213,7 +213,7 @@ impl R150Device {
         }
     }
 
-    /// Says whether it is answered now.
+    /// Returns whether it is answered now.
     fn set_motors(&mut self, now: SimTime, right: i16, left: i16) -> bool {
         let set_point = [right, left];
         let beyond = set_point
