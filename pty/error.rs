@@ -132,7 +132,7 @@ impl PortErrorKind {
 
 fn holder(pid: &Option<u32>) -> String {
     match pid {
-        Some(pid) if *pid == std::process::id() => "this simulator itself".to_owned(),
+        Some(pid) if *pid == std::process::id() => format!("this simulator itself (process {pid})"),
         Some(pid) => format!("another simulator (process {pid})"),
         None => "another simulator".to_owned(),
     }
