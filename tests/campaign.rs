@@ -316,6 +316,8 @@ fn signals_end_a_shard_and_keep_what_is_known() {
         "out",
         "-j",
         "1",
+        "--junit",
+        "results.xml",
         "files",
     ];
     for (signal, exit) in [(Signal::TERM, Some(3)), (Signal::KILL, None)] {
@@ -335,6 +337,11 @@ fn signals_end_a_shard_and_keep_what_is_known() {
         });
         kill_process(Pid::from_child(&child), signal).unwrap();
         assert_eq!(child.wait().unwrap().code(), exit);
+        if signal == Signal::TERM {
+            let junit = std::fs::read_to_string(campaign.path("results.xml")).unwrap();
+            let is_wrong = junit.contains("<error message=\"the run ended before ");
+            assert!(is_wrong, "{junit}");
+        }
     }
     let (exit, printed, _) = campaign.merge("out", &["--partial"]);
     assert_eq!(exit, 3);

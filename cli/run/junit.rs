@@ -105,8 +105,11 @@ impl<'a> Junit<'a> {
         let unplayed = unplayed(self.cases, is_known);
         let (numbers, mut suites): (Vec<usize>, Vec<TestSuite>) =
             std::mem::take(&mut self.known).into_iter().unzip();
+        let is_clean = suites
+            .iter()
+            .all(|suite| suite.failures + suite.errors == 0);
         suites.extend(unplayed.iter().map(|one| {
-            let view = View::unplayed(one.count);
+            let view = View::unplayed(one.count, is_clean);
             suite_of(one.first, &one.name(), &view, None)
         }));
         let mut report = Report::new("sim");

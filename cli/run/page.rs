@@ -19,7 +19,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rigsim_core::device::Devices;
 
 use crate::args::RunArgs;
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use crate::print::OutputFile;
 use crate::visible::{self, lines as readable};
 
@@ -103,10 +103,12 @@ impl Page {
             row.inside = shown.cases.remove(&row.name);
             *counts.entry(row.verdict).or_default() += 1;
         }
+        let is_clean = rows.iter().all(|row| row.verdict.exit() == Exit::Clean);
         for one in unplayed {
             let title = &one.first.loaded.scenario.title;
-            rows.push(Row::new(&one.name(), title, View::unplayed(one.count)));
-            *counts.entry(Verdict::Skipped).or_default() += one.count;
+            let view = View::unplayed(one.count, is_clean);
+            *counts.entry(view.verdict).or_default() += one.count;
+            rows.push(Row::new(&one.name(), title, view));
         }
         let text = page(&self.about, &counts, &rows).into_string();
         self.to.write(&text)

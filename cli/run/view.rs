@@ -62,14 +62,19 @@ impl<'a> View<'a> {
         }
     }
 
-    /// So many cases that were not played.
-    pub(crate) fn unplayed(count: usize) -> Self {
+    /// So many cases that were not played. Where all others passed, this is an error, so that no report is taken for
+    /// complete.
+    pub(crate) fn unplayed(count: usize, is_clean: bool) -> Self {
         let what = match count {
             1 => "this was".to_owned(),
             count => format!("{count} cases were"),
         };
         let reason = format!("the run ended before {what} played");
-        Self::bare(Verdict::Skipped, Some(reason))
+        let verdict = match is_clean {
+            true => Verdict::Missing,
+            false => Verdict::Skipped,
+        };
+        Self::bare(verdict, Some(reason))
     }
 
     /// `is_live` says that there is a real client.

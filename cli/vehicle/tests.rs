@@ -11,6 +11,7 @@ use rigsim_settings::{ClientLine, Settings as _, SimTime, parse_assignment};
 use super::knob::Knob;
 use super::page::page;
 use super::plan::{manoeuvres, parts, touching};
+use super::poses::{APART, Track};
 use super::recording::Recording;
 use super::report::{FieldRow, Report};
 use super::search::{Findings, Search, Verdict};
@@ -29,6 +30,16 @@ fn with(changes: &[String]) -> SimSettings {
 
 /// The manoeuvres of an R150 whose names have one of these parts, driven with some settings.
 fn drive(parts: &[&str], settings: &SimSettings, seed: u64) -> Recording {
+    drive_with_poses(parts, settings, seed, false)
+}
+
+/// The same, with poses beside it.
+fn drive_with_poses(
+    parts: &[&str],
+    settings: &SimSettings,
+    seed: u64,
+    has_poses: bool,
+) -> Recording {
     let device = SHIPPED.iter().find(|device| device.id == "r150").unwrap();
     let own = settings.of_device(device).unwrap();
     let mut all = manoeuvres(device, own).unwrap();
@@ -53,12 +64,18 @@ fn drive(parts: &[&str], settings: &SimSettings, seed: u64) -> Recording {
     }
     let mut header = header(&plan_of(SHIPPED, "r150", 1, settings.clone()).unwrap());
     header.seed = seed;
+    let end = t + 1_000_000_000;
+    let times: Vec<u64> = (1..end / APART).map(|at| at * APART).collect();
+    let mut track = Track {
+        times: &times,
+        poses: Vec::new(),
+    };
     let sent = Replay::play(
         SHIPPED,
         &header,
         &records,
-        SimTime::from_nanos(t + 1_000_000_000),
-        None,
+        SimTime::from_nanos(end),
+        Some(&mut track),
     );
     for (t, byte) in sent.unwrap().into_values().flatten() {
         records.push(Record::Out {
@@ -68,7 +85,12 @@ fn drive(parts: &[&str], settings: &SimSettings, seed: u64) -> Recording {
             bytes: Hexed(vec![byte]),
         });
     }
-    Recording::of(SHIPPED, header, records, &with(&[])).unwrap()
+    let mut recording = Recording::of(SHIPPED, header, records, &with(&[])).unwrap();
+    if has_poses {
+        let added = recording.add_poses(&track.poses, Some(0.0), &with(&[]));
+        added.unwrap();
+    }
+    recording
 }
 
 fn search<'a>(recordings: &'a [Recording], only: &[&str]) -> (Search<'a>, Findings) {
@@ -401,7 +423,7 @@ fn campaign_of_single_changes() {
     println!("{right} found, {wrong} wrong");
 }
 
-/// Random vehicles with eight settings changed each; `VEHICLES=20..40` are others.
+/// Random vehicles with eight settings changed each; `VEHICLES=20..40` are others, and `POSES=1` gives poses.
 #[test]
 #[ignore = "takes hours; prints what is found"]
 fn campaign_of_eight_changes() {
@@ -507,6 +529,9 @@ fn vehicle_with_eight_changes(vehicle: u64) -> (SimSettings, Vec<Recording>) {
             changed.insert(knob.name());
             (settings, recordings) = (more, with_it);
         }
+    }
+    if std::env::var_os("POSES").is_some() {
+        recordings = vec![drive_with_poses(&[""], &settings, 1000 + vehicle, true)];
     }
     (settings, recordings)
 }
