@@ -217,11 +217,7 @@ impl<'a> Search<'a> {
 
     /// Settings that differ from those at first.
     fn changed(&self, settings: &SimSettings) -> Vec<usize> {
-        let entries = |settings: &SimSettings| {
-            let entries = settings.entries().into_iter();
-            entries.map(|entry| (entry.key, entry.value)).collect()
-        };
-        let [now, base]: [BTreeMap<String, String>; 2] = [settings, &self.base].map(entries);
+        let [now, base] = [settings, &self.base].map(literals);
         let differs = |at: &usize| {
             let knob = &self.knobs[*at];
             let (now, base) = (&now[&knob.key], &base[&knob.key]);
@@ -331,9 +327,12 @@ impl<'a> Search<'a> {
         }
         let is_time = |knob: &Knob| knob.unit().ends_with('s');
         let is_smooth = |knob: &&Knob| knob.is_ratio() && !knob.is_chance && !is_time(knob);
+        let literals = literals(settings);
         for knob in self.all.iter().filter(is_smooth) {
+            let number = knob.number_of(&literals[&knob.key]);
             let off = NEAR * (2.0 * noise.uniform() - 1.0);
-            near = knob.moved(&near, off).unwrap_or(near);
+            let moved = knob.set_number(&near, knob.beyond(number, off));
+            near = moved.unwrap_or(near);
         }
         near
     }
@@ -504,4 +503,10 @@ impl<'a> Search<'a> {
     fn saved_at(&self, before: &Model, after: &Model, at: (usize, usize)) -> f64 {
         self.cost_at(before, at) - self.cost_at(after, at)
     }
+}
+
+/// The values of all settings, by key.
+fn literals(settings: &SimSettings) -> BTreeMap<String, String> {
+    let entries = settings.entries().into_iter();
+    entries.map(|entry| (entry.key, entry.value)).collect()
 }
