@@ -11,7 +11,7 @@ use rigsim_core::settings::SimSettings;
 
 use super::super::model::{Cell, cost};
 use super::super::recording::Recording;
-use super::{Model, Search, Trial};
+use super::{LUCK, Model, Search, Trial};
 
 /// Number of beginnings of the recordings, searched one after the other.
 const BEGINNINGS: usize = 8;
@@ -29,7 +29,7 @@ const NEEDED: f64 = 1000.0;
 type Set = Vec<(usize, String)>;
 
 /// Expected saving of a trial if the numbers adapt.
-struct Promise<'t> {
+pub(super) struct Promise<'t> {
     saves: f64,
     /// Fraction of its change.
     part: f64,
@@ -37,7 +37,7 @@ struct Promise<'t> {
     follow: Vec<f64>,
     /// Set if it improves bits, or which replies are there.
     is_form: bool,
-    trial: &'t Trial,
+    pub(super) trial: &'t Trial,
 }
 
 impl Search<'_> {
@@ -72,7 +72,7 @@ impl Search<'_> {
         for at in &numbers {
             model = self.bisect(model, *at)?;
         }
-        Ok(self.polish(model, &numbers)?.settings)
+        Ok(self.polish(model, &numbers, f64::INFINITY)?.settings)
     }
 
     /// Adds changes and takes them back, from several sets of them on; returns the best sets.
@@ -88,7 +88,7 @@ impl Search<'_> {
         for settings in kept {
             let mut model = self.model(&settings, scale)?;
             if !self.is_explained(&model) {
-                model = self.polish(model, &self.numbers(&settings))?;
+                model = self.polish(model, &self.numbers(&settings), f64::INFINITY)?;
             }
             if known.insert(self.set(&model.settings)) {
                 all.push((self.price(&model, is_last)?, false, model));
@@ -110,6 +110,7 @@ impl Search<'_> {
             };
             *is_searched = true;
             let model = model.clone();
+            let worst = all.get(KEPT - 1).map_or(f64::INFINITY, |one| one.0);
             if trials.is_empty() {
                 trials = self.trials(&model, idle.as_ref().unwrap_or(&BTreeSet::new()))?;
                 let acts = |one: &Trial| !Arc::ptr_eq(&one.from, &one.to);
@@ -119,7 +120,7 @@ impl Search<'_> {
                     all.collect()
                 });
             }
-            for next in self.neighbours(&model, scale, &trials, &mut known)? {
+            for next in self.neighbours(&model, scale, worst, &trials, &mut known)? {
                 all.push((self.price(&next, is_last)?, false, next));
             }
         }
@@ -141,14 +142,21 @@ impl Search<'_> {
         self.changed(settings).into_iter().map(value).collect()
     }
 
-    /// Models of new sets with one change more or less, with their numbers at the best.
+    /// Models of new sets with one change more or less, with their numbers at the best if that may cost less than
+    /// the `worst` that is kept.
     fn neighbours(
         &self,
         model: &Model,
         scale: f64,
+        worst: f64,
         trials: &[Trial],
         known: &mut BTreeSet<Set>,
     ) -> Result<Vec<Model>, String> {
+        let polish = |next: Model| {
+            let numbers = self.numbers(&next.settings);
+            let of_changes = self.margin() * self.changed(&next.settings).len() as f64;
+            self.polish(next, &numbers, worst - of_changes + LUCK)
+        };
         let mut all = Vec::new();
         let numbers = self.numbers(&model.settings);
         let promises = self.promises(model, &numbers, trials.iter(), self.margin() / 2.0)?;
@@ -163,8 +171,7 @@ impl Search<'_> {
                 continue;
             };
             if known.insert(self.set(&next.settings)) {
-                let numbers = self.numbers(&next.settings);
-                all.push(self.polish(next, &numbers)?);
+                all.push(polish(next)?);
             }
         }
         if scale > 1.0 {
@@ -181,9 +188,8 @@ impl Search<'_> {
                 continue;
             };
             if known.insert(self.set(&settings)) {
-                let numbers = self.numbers(&settings);
                 for next in self.moved(model, vec![settings])? {
-                    all.push(self.polish(next, &numbers)?);
+                    all.push(polish(next)?);
                 }
             }
         }
@@ -238,7 +244,7 @@ impl Search<'_> {
         let next = self.moved(model, vec![settings])?.into_iter().next();
         let polish = |next: Model| {
             let numbers = self.numbers(&next.settings);
-            self.polish(next, &numbers)
+            self.polish(next, &numbers, f64::INFINITY)
         };
         next.map(polish).transpose()
     }
@@ -258,7 +264,7 @@ impl Search<'_> {
     }
 
     /// The trials that save this much if the numbers adapt, the best first.
-    fn promises<'t>(
+    pub(super) fn promises<'t>(
         &self,
         model: &Model,
         numbers: &[usize],

@@ -9,7 +9,7 @@ use rigsim_settings::Basis;
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
 use super::linear::Linear;
-use super::{ENOUGH, Found, Model, Play, Search, Trial, Verdict};
+use super::{ENOUGH, Found, LUCK, Model, Play, Search, Trial, Verdict};
 
 /// Most changes that are exchanged for others.
 const MOST_SWAPS: usize = 8;
@@ -59,7 +59,7 @@ impl Search<'_> {
             let Some(plain) = moved.into_iter().next() else {
                 break;
             };
-            let without = self.polish(plain.clone(), &others)?;
+            let without = self.polish(plain.clone(), &others, f64::INFINITY)?;
             let saves = self.gain(&self.costs(&without)?, &costs);
             if saves < self.margin() {
                 found.clear();
@@ -75,7 +75,8 @@ impl Search<'_> {
             let mut better: Option<Model> = None;
             for (names, tried) in all {
                 let numbers = self.numbers(&tried.settings);
-                let tried = self.polish(tried, &numbers)?;
+                let goal = self.cost(model, false) + self.margin() + LUCK;
+                let tried = self.polish(tried, &numbers, goal)?;
                 let by_tried = self.costs(&tried)?;
                 let least = self.margin() * names.len() as f64;
                 if self.gain(&costs, &by_tried) > least && swaps > 0 {
@@ -115,7 +116,9 @@ impl Search<'_> {
         trials: &[Trial],
     ) -> Result<Vec<(Vec<String>, Model)>, String> {
         let changed = self.changed(&without.settings);
-        let touching = trials.iter().filter(|one| one.touches).map(|one| one.knob);
+        // Numbers that by first order save anything alone.
+        let promised = self.promises(without, &[], trials.iter(), self.margin() / 4.0)?;
+        let touching = promised.iter().map(|one| one.trial.knob);
         // What was found may hide what a choice does.
         let choices = (0..self.knobs.len()).filter(|at| !self.knobs[*at].choices.is_empty());
         let mut others: BTreeSet<usize> = touching.chain(choices).collect();

@@ -10,6 +10,10 @@ use super::{Model, Play, Search};
 
 /// Most steps in which numbers are improved.
 const MOST_STEPS: usize = 20;
+/// Steps after which it is judged whether a goal can be reached, and the multiple of what the last step saved and
+/// of what the next may save by first order that is not enough for it.
+const FIRST_STEPS: usize = 2;
+const HOPED: f64 = 3.0;
 /// Damping above which a step is too short to be of use.
 const MOST_DAMPING: f64 = 300.0;
 /// Least effect of a change from which a slope is taken, in standard deviations.
@@ -167,21 +171,34 @@ impl Search<'_> {
         normal
     }
 
-    /// Improves all numbers together, by the method of Levenberg and Marquardt.
-    pub(super) fn polish(&self, mut model: Model, numbers: &[usize]) -> Result<Model, String> {
+    /// Improves all numbers together, by the method of Levenberg and Marquardt. Ends early where the cost will not
+    /// come down to `goal`.
+    pub(super) fn polish(
+        &self,
+        mut model: Model,
+        numbers: &[usize],
+        goal: f64,
+    ) -> Result<Model, String> {
         let mut damping = 1e-3;
         // Whether these come from slopes.
         let (mut widths, mut are_known) = (vec![0.5; numbers.len()], false);
         let mut before = self.cost(&model, false);
-        for _ in 0..if numbers.is_empty() { 0 } else { MOST_STEPS } {
+        let mut saved = 0.0;
+        for step in 0..if numbers.is_empty() { 0 } else { MOST_STEPS } {
             let slopes = self.slopes(&model, numbers, &mut widths)?;
             let (rest, weights) = self.rest(&model, &self.vehicle);
-            let rest = rest
-                .iter()
-                .zip(&weights)
-                .map(|(rest, weight)| rest * weight);
-            let right = slopes.tr_mul(&DVector::from_iterator(weights.len(), rest));
-            let mut saved = 0.0;
+            let rest = DVector::from_vec(rest);
+            let pull = rest.component_mul(&DVector::from_column_slice(&weights));
+            let right = slopes.tr_mul(&pull);
+            if step >= FIRST_STEPS && before - goal > HOPED * saved {
+                let normal = Self::normal(&slopes, &weights, 0.0).cholesky();
+                let may_save = normal.map_or(1.0, |normal| right.dot(&normal.solve(&right)));
+                // As a share, since far off the cost grows slowly.
+                if before - goal > HOPED * before * may_save / pull.dot(&rest) {
+                    break;
+                }
+            }
+            saved = 0.0;
             while saved <= 0.0 && damping < MOST_DAMPING {
                 let tried = [damping, 30.0 * damping].into_iter().filter_map(|damping| {
                     let normal = Self::normal(&slopes, &weights, damping).cholesky()?;
