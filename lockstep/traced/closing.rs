@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use crate::traced::sys::Tid;
-use crate::traced::syscall::{Entry, Halt, Handling, int};
+use crate::traced::syscall::{Entry, Halt, Handling, int, low};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::Thread;
 use crate::traced::wait::Wait;
@@ -22,6 +22,12 @@ impl Tracer<'_> {
         }
         self.descriptors.ports_used.set(true);
         Ok(Handling::Make)
+    }
+
+    pub(crate) fn close_range(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let [first, last] =
+            [entry.a[0], entry.a[1]].map(|fd| i32::try_from(low(fd)).unwrap_or(i32::MAX));
+        self.close(entry, first..=last)
     }
 
     /// A file stays open while a thread waits in a read or write of it. If another thread closes its descriptor,

@@ -1,9 +1,8 @@
-//! Handling of each syscall at which a thread is stopped.
+//! Handling of each syscall at which a thread is stopped, and of those for which there is no other file.
 
-use crate::traced::arch::{self, Group, Registers, Syscall};
-use crate::traced::one_processor::{affinity, current};
+use crate::traced::arch::{self, Registers};
 use crate::traced::sys::Tid;
-use crate::traced::syscall::{Entry, Halt, Handling, call_name, failure, int, low};
+use crate::traced::syscall::{Entry, Halt, Handling, call_name, failure, int};
 use crate::traced::tracer::Tracer;
 
 impl Tracer<'_> {
@@ -14,104 +13,52 @@ impl Tracer<'_> {
         registers: Registers,
         backed_off: bool,
     ) -> Result<Handling, Halt> {
-        let (group, call) = arch::call(registers.number()).ok_or(Halt::Make)?;
+        let (call, handle) = arch::call(registers.number()).ok_or(Halt::Make)?;
         let process = self.tree.process_of(tid);
         self.tree.process(process)?.gate = Some(registers.gate());
-        let a = registers.arguments();
         let entry = Entry {
             tid,
             process,
             call,
             registers,
-            a,
+            a: registers.arguments(),
             backed_off,
         };
-        match group {
-            Group::Clock => self.clock_call(entry),
-            Group::Sleep => self.sleep(entry),
-            Group::Poll => self.poll_call(entry),
-            Group::Signal => self.signal_call(entry),
-            Group::Kill => self.kill_call(entry),
-            Group::Retried if call == Syscall::Fcntl && int(a[1]) == libc::F_SETFL => {
-                match int(a[2]) & libc::O_ASYNC {
-                    0 => Ok(Handling::Make),
-                    _ => self.polled_by_kernel(entry, int(a[0])),
-                }
-            }
-            Group::Retried => self.retried_call(entry),
-            Group::Transfer => self.transfer_call(entry),
-            Group::Other => self.other_call(entry),
+        handle(self, entry)
+    }
+
+    /// `fcntl`: waits for a lock, or sets flags.
+    pub(crate) fn descriptor_control(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let [fd, command, flags, ..] = entry.a.map(int);
+        match command {
+            libc::F_SETFL if flags & libc::O_ASYNC == 0 => Ok(Handling::Make),
+            libc::F_SETFL => self.polled_by_kernel(entry, fd),
+            _ => self.retried_call(entry),
         }
     }
 
-    fn other_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
-        let Entry {
-            tid, process, a, ..
-        } = entry;
-        let registers = entry.registers;
-        match entry.call {
-            Syscall::Adjtimex => self.adjust(entry, a[0]),
-            Syscall::ClockAdjtime => self.adjust(entry, a[1]),
-            Syscall::Sysinfo => self.uptime(entry),
-            Syscall::EpollCtl => self.polled_by_kernel(entry, int(a[2])),
-            Syscall::Futex => self.futex(entry),
-            Syscall::Ioctl => self.request(entry),
-            Syscall::Close => self.close(entry, int(a[0])..=int(a[0])),
-            Syscall::Dup => self.close(entry, int(a[1])..=int(a[1])),
-            Syscall::CloseRange => {
-                let [first, last] =
-                    [a[0], a[1]].map(|fd| i32::try_from(low(fd)).unwrap_or(i32::MAX));
-                self.close(entry, first..=last)
-            }
-            Syscall::Alarm => Ok(self.alarm(process, a[0])),
-            Syscall::Setitimer => self.interval_timer(entry, Some(a[1]), a[2]),
-            Syscall::Getitimer => self.interval_timer(entry, None, a[1]),
-            Syscall::TimerCreate => self.timer_create(entry),
-            Syscall::TimerSettime => self.posix_timer(entry, Some((a[1], a[2])), a[3]),
-            Syscall::TimerGettime => self.posix_timer(entry, None, a[1]),
-            Syscall::TimerGetoverrun => self.timer_overrun(entry),
-            Syscall::TimerDelete => Ok(self.timer_delete(entry)),
-            Syscall::TimerfdSettime => self.timer_descriptor(entry, Some((a[1], a[2])), a[3]),
-            Syscall::TimerfdGettime => self.timer_descriptor(entry, None, a[1]),
-            Syscall::Getrandom => self.random_bytes(tid, &[(a[0], a[1])]),
-            Syscall::Yield => Ok(self.query(entry).unwrap_or_else(|| {
-                self.give_way(tid);
-                Handling::Answer(0)
-            })),
-            Syscall::Getaffinity => affinity(tid, a[1], a[2]),
-            Syscall::Getcpu => current(tid, a[0], a[1]),
-            Syscall::Setaffinity => Ok(Handling::Answer(0)),
-            // Only after a stop by job control.
-            Syscall::Restart => Ok(failure(libc::EINTR)),
-            Syscall::Sigaction => self.fault_action(entry),
-            Syscall::Signalfd => {
-                self.descriptors.has_signalfd = true;
-                Ok(Handling::Make)
-            }
-            Syscall::Exit => Ok(self.exit(tid, process)),
-            Syscall::ExitGroup => {
-                self.is_dying(process);
-                Ok(Handling::Make)
-            }
-            Syscall::Clone => {
-                // The child is traced like all others.
-                let mut registers = registers;
-                registers.set_argument(0, a[0] & !0x0080_0000);
-                registers.set(tid)?;
-                Ok(Handling::Make)
-            }
-            Syscall::Missing => {
-                self.report.missing.insert(call_name(registers.number()));
-                Ok(failure(libc::ENOSYS))
-            }
-            Syscall::Ptrace => {
-                self.report
-                    .refused
-                    .insert("a debugger: only one can trace a program, and that is sim".to_owned());
-                Ok(failure(libc::EPERM))
-            }
-            // Those that have their own group.
-            _ => Ok(Handling::Make),
-        }
+    pub(crate) fn signal_descriptor(&mut self) -> Result<Handling, Halt> {
+        self.descriptors.has_signalfd = true;
+        Ok(Handling::Make)
+    }
+
+    /// A child is traced like all others: its parent's flag that prevents it is removed.
+    pub(crate) fn make_traced(&mut self, entry: Entry, untraced: u64) -> Result<Handling, Halt> {
+        let mut registers = entry.registers;
+        registers.set_argument(0, entry.a[0] & !untraced);
+        registers.set(entry.tid)?;
+        Ok(Handling::Make)
+    }
+
+    pub(crate) fn lack(&mut self, entry: Entry) -> Handling {
+        let name = call_name(entry.registers.number());
+        self.report.missing.insert(name);
+        failure(libc::ENOSYS)
+    }
+
+    pub(crate) fn refuse_debugger(&mut self) -> Handling {
+        let what = "a debugger: only one can trace a program, and that is sim";
+        self.report.refused.insert(what.to_owned());
+        failure(libc::EPERM)
     }
 }

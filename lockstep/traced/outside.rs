@@ -74,7 +74,7 @@ impl Tracer<'_> {
     /// The receiver of a datagram that has no room, if it is outside of the run. No poll reports its room.
     fn outside_receiver(&self, tid: Tid, rest: &Rest) -> Option<Outside> {
         let (number, a) = rest.whole;
-        let (address, length) = destination(tid, arch::call(number)?.1, a).ok()?;
+        let (address, length) = destination(tid, arch::call(number)?.0, a).ok()?;
         if address == 0 {
             return self.outside(&rest.of, rest.flags);
         }

@@ -3,7 +3,7 @@
 use crate::traced::arch::Syscall;
 use crate::traced::memory::Memory;
 use crate::traced::proc::kernel_state;
-use crate::traced::sys::{self, Tid};
+use crate::traced::sys;
 use crate::traced::syscall::{Entry, Halt, Handling, int};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::{State, Thread};
@@ -58,7 +58,13 @@ impl Tracer<'_> {
         }
     }
 
-    pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Handling {
+    pub(crate) fn exit_group(&mut self, entry: Entry) -> Handling {
+        self.is_dying(entry.process);
+        Handling::Make
+    }
+
+    pub(crate) fn exit(&mut self, entry: Entry) -> Handling {
+        let Entry { tid, process, .. } = entry;
         let threads = self.tree.threads.values();
         if threads.filter(|thread| thread.process == process).count() == 1 {
             self.is_dying(process);

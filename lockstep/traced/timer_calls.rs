@@ -14,7 +14,7 @@ use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
 use crate::traced::proc::{descriptors_of, info_of, own_number_of};
 use crate::traced::sys::{self, Tid};
-use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
+use crate::traced::syscall::{Entry, Halt, Handling, failure, int, low};
 use crate::traced::timers::{Kind, Timer, has_mark};
 use crate::traced::tracer::Tracer;
 use crate::traced::tree::{Thread, TimerEvent};
@@ -27,11 +27,11 @@ const NEVER_S: i64 = 1 << 32;
 
 impl Tracer<'_> {
     /// `alarm`: the seconds that were left.
-    pub(crate) fn alarm(&mut self, process: Tid, seconds: u64) -> Handling {
+    pub(crate) fn alarm(&mut self, entry: Entry) -> Handling {
         let now = self.now;
-        let timer = self.timers.alarm_of(process);
+        let timer = self.timers.alarm_of(entry.process);
         let left = timer.setting(now).0.div_ceil(1_000_000_000);
-        let seconds = seconds & 0xFFFF_FFFF;
+        let seconds = u64::from(low(entry.a[0]));
         timer.next = (seconds > 0).then(|| now.saturating_add(seconds * 1_000_000_000));
         timer.interval = 0;
         Handling::Answer(i64::try_from(left).unwrap_or(i64::MAX))

@@ -181,13 +181,18 @@ impl Tracer<'_> {
         Ok(())
     }
 
-    pub(crate) fn give_way(&mut self, tid: Tid) {
+    /// `sched_yield`: the others that can run have their turns first.
+    pub(crate) fn give_way(&mut self, entry: Entry) -> Handling {
+        if let Some(backs_off) = self.query(entry) {
+            return backs_off;
+        }
         self.schedule.turns += 1;
         let turn = self.schedule.turns;
-        if let Ok(thread) = self.tree.thread(tid) {
+        if let Ok(thread) = self.tree.thread(entry.tid) {
             thread.turn = turn;
         }
         self.schedule.current = None;
+        Handling::Answer(0)
     }
 
     /// Writes the clocks in a program's own memory, before it goes on.

@@ -10,7 +10,7 @@ use std::io;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 
-pub(crate) use calls::{Group, Syscall, call, filter};
+pub(crate) use calls::{Syscall, call, filter};
 pub(crate) use vdso::{Vdso, write_clocks};
 
 #[derive(Clone, Copy)]

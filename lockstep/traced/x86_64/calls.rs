@@ -1,6 +1,10 @@
-//! The numbers of the syscalls that matter, and the filter that stops threads at them.
+//! The syscalls that matter: their numbers, the filter that stops threads at them, and what handles them.
 
 use libc::{BPF_ABS, BPF_JEQ, BPF_JMP, BPF_JSET, BPF_K, BPF_LD, BPF_RET, BPF_W, sock_filter};
+
+use crate::traced::one_processor::{affinity, current};
+use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
+use crate::traced::tracer::Tracer;
 
 const ENOSYS: u32 = libc::ENOSYS.cast_unsigned();
 
@@ -42,149 +46,137 @@ enum Rule {
     IfBits(u32, u32),
 }
 
-/// Lists the syscalls that matter, by what handles them, each with its numbers and what is done with it.
+/// Decides how a syscall is handled.
+type Handler = fn(&mut Tracer<'_>, Entry) -> Result<Handling, Halt>;
+
+const CLOCK: Handler = |t, e| t.clock_call(e);
+const POLL: Handler = |t, e| t.poll_call(e);
+const SIGNAL: Handler = |t, e| t.signal_call(e);
+const KILL: Handler = |t, e| t.kill_call(e);
+/// Children, locks and queues.
+const RETRIED: Handler = |t, e| t.retried_call(e);
+/// What may wait for others, or is of a port.
+const TRANSFER: Handler = |t, e| t.transfer_call(e);
+
+/// Lists the syscalls that matter, each with its numbers, what the filter does with it, and its handler.
 macro_rules! calls {
-    ($($group:ident { $($call:ident $numbers:tt $rule:expr;)+ })+) => {
+    ($($call:ident $numbers:tt $rule:expr => $handler:expr;)+) => {
         /// A syscall at which a thread is stopped.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub(crate) enum Syscall {
-            $($($call,)+)+
+            $($call,)+
         }
 
-        /// Syscalls that are handled in one place.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub(crate) enum Group {
-            $($group,)+
-        }
-
-        const RULES: &[(&[i64], (Group, Syscall), Rule)] =
-            &[$($((&$numbers, (Group::$group, Syscall::$call), $rule),)+)+];
+        const RULES: &[(&[i64], Syscall, Rule, Handler)] =
+            &[$((&$numbers, Syscall::$call, $rule, $handler),)+];
     };
 }
 
 calls! {
-    Clock {
-        // Those of processor time have other numbers, and stay as they are.
-        ClockGettime [libc::SYS_clock_gettime] Rule::If(0, &[0, 1, 4, 5, 6, 7, 8, 9, 11]);
-        ClockSettime [libc::SYS_clock_settime] Rule::Stop;
-        Gettimeofday [libc::SYS_gettimeofday] Rule::Stop;
-        Settimeofday [libc::SYS_settimeofday] Rule::Stop;
-        Time [libc::SYS_time] Rule::Stop;
-        Times [libc::SYS_times] Rule::Stop;
-    }
-    Sleep {
-        Nanosleep [libc::SYS_nanosleep] Rule::Stop;
-        ClockNanosleep [libc::SYS_clock_nanosleep] Rule::Stop;
-    }
-    Poll {
-        Poll [libc::SYS_poll] Rule::Stop;
-        Ppoll [libc::SYS_ppoll] Rule::Stop;
-        Select [libc::SYS_select] Rule::Stop;
-        Pselect [libc::SYS_pselect6] Rule::Stop;
-        EpollWait [libc::SYS_epoll_wait] Rule::Stop;
-        EpollPwait [libc::SYS_epoll_pwait] Rule::Stop;
-        EpollPwait2 [libc::SYS_epoll_pwait2] Rule::Stop;
-    }
-    Signal {
-        Pause [libc::SYS_pause] Rule::Stop;
-        Sigsuspend [libc::SYS_rt_sigsuspend] Rule::Stop;
-        Sigtimedwait [libc::SYS_rt_sigtimedwait] Rule::Stop;
-    }
-    Kill {
-        Kill [libc::SYS_kill, libc::SYS_tkill, libc::SYS_rt_sigqueueinfo] Rule::Stop;
-        Tgkill [libc::SYS_tgkill, libc::SYS_rt_tgsigqueueinfo] Rule::Stop;
-        PidfdSendSignal [libc::SYS_pidfd_send_signal] Rule::Stop;
-    }
-    // Children, locks and queues.
-    Retried {
-        Wait4 [libc::SYS_wait4] Rule::Stop;
-        Waitid [libc::SYS_waitid] Rule::Stop;
-        Flock [libc::SYS_flock] Rule::Stop;
-        // F_SETLKW and F_OFD_SETLKW; and F_SETFL, which does not wait.
-        Fcntl [libc::SYS_fcntl] Rule::If(1, &[7, 38, 4]);
-        Semop [libc::SYS_semop] Rule::Stop;
-        Semtimedop [libc::SYS_semtimedop] Rule::Stop;
-        Msgsnd [libc::SYS_msgsnd] Rule::Stop;
-        Msgrcv [libc::SYS_msgrcv] Rule::Stop;
-    }
-    // What may wait for others, or is of a port.
-    Transfer {
-        Read [libc::SYS_read] Rule::Stop;
-        Readv [libc::SYS_readv] Rule::Stop;
-        Pread [libc::SYS_pread64] Rule::Stop;
-        Preadv [libc::SYS_preadv] Rule::Stop;
-        Preadv2 [libc::SYS_preadv2] Rule::Stop;
-        Write [libc::SYS_write] Rule::Stop;
-        Writev [libc::SYS_writev] Rule::Stop;
-        Pwritev2 [libc::SYS_pwritev2] Rule::Stop;
-        Recvfrom [libc::SYS_recvfrom] Rule::Stop;
-        Recvmsg [libc::SYS_recvmsg] Rule::Stop;
-        Recvmmsg [libc::SYS_recvmmsg] Rule::Stop;
-        Sendto [libc::SYS_sendto] Rule::Stop;
-        Sendmsg [libc::SYS_sendmsg] Rule::Stop;
-        Sendmmsg [libc::SYS_sendmmsg] Rule::Stop;
-        Accept [libc::SYS_accept, libc::SYS_accept4] Rule::Stop;
-        Splice [libc::SYS_splice] Rule::Stop;
-        Tee [libc::SYS_tee] Rule::Stop;
-        Vmsplice [libc::SYS_vmsplice] Rule::Stop;
-        Sendfile [libc::SYS_sendfile] Rule::Stop;
-        MqTimedsend [libc::SYS_mq_timedsend] Rule::Stop;
-        MqTimedreceive [libc::SYS_mq_timedreceive] Rule::Stop;
-    }
-    Other {
-        Adjtimex [libc::SYS_adjtimex] Rule::Stop;
-        ClockAdjtime [libc::SYS_clock_adjtime] Rule::Stop;
-        Sysinfo [libc::SYS_sysinfo] Rule::Stop;
-        // EPOLL_CTL_ADD.
-        EpollCtl [libc::SYS_epoll_ctl] Rule::If(1, &[1]);
-        Futex [libc::SYS_futex] Rule::Stop;
-        // Of SIGSEGV.
-        Sigaction [libc::SYS_rt_sigaction] Rule::If(0, &[11]);
-        Signalfd [libc::SYS_signalfd, libc::SYS_signalfd4] Rule::Stop;
-        Restart [libc::SYS_restart_syscall] Rule::Stop;
-        Yield [libc::SYS_sched_yield] Rule::Stop;
-        Getaffinity [libc::SYS_sched_getaffinity] Rule::Stop;
-        Setaffinity [libc::SYS_sched_setaffinity] Rule::Stop;
-        Getcpu [libc::SYS_getcpu] Rule::Stop;
-        // Timers.
-        Alarm [libc::SYS_alarm] Rule::Stop;
-        Setitimer [libc::SYS_setitimer] Rule::If(0, &[0]);
-        Getitimer [libc::SYS_getitimer] Rule::If(0, &[0]);
-        TimerCreate [libc::SYS_timer_create] Rule::Stop;
-        TimerSettime [libc::SYS_timer_settime] Rule::Stop;
-        TimerGettime [libc::SYS_timer_gettime] Rule::Stop;
-        TimerGetoverrun [libc::SYS_timer_getoverrun] Rule::Stop;
-        TimerDelete [libc::SYS_timer_delete] Rule::Stop;
-        TimerfdSettime [libc::SYS_timerfd_settime] Rule::Stop;
-        TimerfdGettime [libc::SYS_timerfd_gettime] Rule::Stop;
-        Ioctl [libc::SYS_ioctl] Rule::If(1, REQUESTS);
-        // What takes descriptors away.
-        Close [libc::SYS_close] Rule::Stop;
-        CloseRange [libc::SYS_close_range] Rule::Stop;
-        Dup [libc::SYS_dup2, libc::SYS_dup3] Rule::Stop;
-        // What is random.
-        Getrandom [libc::SYS_getrandom] Rule::Stop;
-        // Processes.
-        Exit [libc::SYS_exit] Rule::Stop;
-        ExitGroup [libc::SYS_exit_group] Rule::Stop;
-        // CLONE_UNTRACED: no process leaves the tree.
-        Clone [libc::SYS_clone] Rule::IfBits(0, 0x0080_0000);
-        Ptrace [libc::SYS_ptrace] Rule::Stop;
-        // Answered as by a system that lacks them. futex_waitv, futex_wake, futex_wait and futex_requeue:
-        Missing [449, 454, 455, 456,
-            // It would tell in memory on which processor a thread runs.
-            libc::SYS_rseq,
-            // Its flags lie in memory.
-            libc::SYS_clone3,
-            // They wait for the kernel's own work, in its time.
-            libc::SYS_io_uring_setup, libc::SYS_io_uring_enter, libc::SYS_io_uring_register,
-            libc::SYS_io_setup] Rule::Stop;
-    }
+    // Those of processor time have other numbers, and stay as they are.
+    ClockGettime [libc::SYS_clock_gettime] Rule::If(0, &[0, 1, 4, 5, 6, 7, 8, 9, 11]) => CLOCK;
+    Gettimeofday [libc::SYS_gettimeofday] Rule::Stop => CLOCK;
+    Time [libc::SYS_time] Rule::Stop => CLOCK;
+    Times [libc::SYS_times] Rule::Stop => CLOCK;
+    Settime [libc::SYS_clock_settime, libc::SYS_settimeofday] Rule::Stop => |_, _| Ok(failure(libc::EPERM));
+    Adjtimex [libc::SYS_adjtimex] Rule::Stop => |t, e| t.adjust(e, e.a[0]);
+    ClockAdjtime [libc::SYS_clock_adjtime] Rule::Stop => |t, e| t.adjust(e, e.a[1]);
+    Sysinfo [libc::SYS_sysinfo] Rule::Stop => |t, e| t.uptime(e);
+    Nanosleep [libc::SYS_nanosleep] Rule::Stop => |t, e| t.sleep(e);
+    ClockNanosleep [libc::SYS_clock_nanosleep] Rule::Stop => |t, e| t.sleep(e);
+    Poll [libc::SYS_poll] Rule::Stop => POLL;
+    Ppoll [libc::SYS_ppoll] Rule::Stop => POLL;
+    Select [libc::SYS_select] Rule::Stop => POLL;
+    Pselect [libc::SYS_pselect6] Rule::Stop => POLL;
+    EpollWait [libc::SYS_epoll_wait] Rule::Stop => POLL;
+    EpollPwait [libc::SYS_epoll_pwait] Rule::Stop => POLL;
+    EpollPwait2 [libc::SYS_epoll_pwait2] Rule::Stop => POLL;
+    // EPOLL_CTL_ADD.
+    EpollCtl [libc::SYS_epoll_ctl] Rule::If(1, &[1]) => |t, e| t.polled_by_kernel(e, int(e.a[2]));
+    Pause [libc::SYS_pause] Rule::Stop => SIGNAL;
+    Sigsuspend [libc::SYS_rt_sigsuspend] Rule::Stop => SIGNAL;
+    Sigtimedwait [libc::SYS_rt_sigtimedwait] Rule::Stop => SIGNAL;
+    // Of SIGSEGV.
+    Sigaction [libc::SYS_rt_sigaction] Rule::If(0, &[11]) => |t, e| t.fault_action(e);
+    Signalfd [libc::SYS_signalfd, libc::SYS_signalfd4] Rule::Stop => |t, _| t.signal_descriptor();
+    Kill [libc::SYS_kill, libc::SYS_tkill, libc::SYS_rt_sigqueueinfo] Rule::Stop => KILL;
+    Tgkill [libc::SYS_tgkill, libc::SYS_rt_tgsigqueueinfo] Rule::Stop => KILL;
+    PidfdSendSignal [libc::SYS_pidfd_send_signal] Rule::Stop => KILL;
+    Wait4 [libc::SYS_wait4] Rule::Stop => RETRIED;
+    Waitid [libc::SYS_waitid] Rule::Stop => RETRIED;
+    Flock [libc::SYS_flock] Rule::Stop => RETRIED;
+    // F_SETLKW and F_OFD_SETLKW; and F_SETFL, which does not wait.
+    Fcntl [libc::SYS_fcntl] Rule::If(1, &[7, 38, 4]) => |t, e| t.descriptor_control(e);
+    Semop [libc::SYS_semop] Rule::Stop => RETRIED;
+    Semtimedop [libc::SYS_semtimedop] Rule::Stop => RETRIED;
+    Msgsnd [libc::SYS_msgsnd] Rule::Stop => RETRIED;
+    Msgrcv [libc::SYS_msgrcv] Rule::Stop => RETRIED;
+    Futex [libc::SYS_futex] Rule::Stop => |t, e| t.futex(e);
+    Read [libc::SYS_read] Rule::Stop => TRANSFER;
+    Readv [libc::SYS_readv] Rule::Stop => TRANSFER;
+    Pread [libc::SYS_pread64] Rule::Stop => TRANSFER;
+    Preadv [libc::SYS_preadv] Rule::Stop => TRANSFER;
+    Preadv2 [libc::SYS_preadv2] Rule::Stop => TRANSFER;
+    Write [libc::SYS_write] Rule::Stop => TRANSFER;
+    Writev [libc::SYS_writev] Rule::Stop => TRANSFER;
+    Pwritev2 [libc::SYS_pwritev2] Rule::Stop => TRANSFER;
+    Recvfrom [libc::SYS_recvfrom] Rule::Stop => TRANSFER;
+    Recvmsg [libc::SYS_recvmsg] Rule::Stop => TRANSFER;
+    Recvmmsg [libc::SYS_recvmmsg] Rule::Stop => TRANSFER;
+    Sendto [libc::SYS_sendto] Rule::Stop => TRANSFER;
+    Sendmsg [libc::SYS_sendmsg] Rule::Stop => TRANSFER;
+    Sendmmsg [libc::SYS_sendmmsg] Rule::Stop => TRANSFER;
+    Accept [libc::SYS_accept, libc::SYS_accept4] Rule::Stop => TRANSFER;
+    Splice [libc::SYS_splice] Rule::Stop => TRANSFER;
+    Tee [libc::SYS_tee] Rule::Stop => TRANSFER;
+    Vmsplice [libc::SYS_vmsplice] Rule::Stop => TRANSFER;
+    Sendfile [libc::SYS_sendfile] Rule::Stop => TRANSFER;
+    MqTimedsend [libc::SYS_mq_timedsend] Rule::Stop => TRANSFER;
+    MqTimedreceive [libc::SYS_mq_timedreceive] Rule::Stop => TRANSFER;
+    Ioctl [libc::SYS_ioctl] Rule::If(1, REQUESTS) => |t, e| t.request(e);
+    // What takes descriptors away.
+    Close [libc::SYS_close] Rule::Stop => |t, e| t.close(e, int(e.a[0])..=int(e.a[0]));
+    CloseRange [libc::SYS_close_range] Rule::Stop => |t, e| t.close_range(e);
+    Dup [libc::SYS_dup2, libc::SYS_dup3] Rule::Stop => |t, e| t.close(e, int(e.a[1])..=int(e.a[1]));
+    Alarm [libc::SYS_alarm] Rule::Stop => |t, e| Ok(t.alarm(e));
+    Setitimer [libc::SYS_setitimer] Rule::If(0, &[0]) => |t, e| t.interval_timer(e, Some(e.a[1]), e.a[2]);
+    Getitimer [libc::SYS_getitimer] Rule::If(0, &[0]) => |t, e| t.interval_timer(e, None, e.a[1]);
+    TimerCreate [libc::SYS_timer_create] Rule::Stop => |t, e| t.timer_create(e);
+    TimerSettime [libc::SYS_timer_settime] Rule::Stop => |t, e| t.posix_timer(e, Some((e.a[1], e.a[2])), e.a[3]);
+    TimerGettime [libc::SYS_timer_gettime] Rule::Stop => |t, e| t.posix_timer(e, None, e.a[1]);
+    TimerGetoverrun [libc::SYS_timer_getoverrun] Rule::Stop => |t, e| t.timer_overrun(e);
+    TimerDelete [libc::SYS_timer_delete] Rule::Stop => |t, e| Ok(t.timer_delete(e));
+    TimerfdSettime [libc::SYS_timerfd_settime] Rule::Stop
+        => |t, e| t.timer_descriptor(e, Some((e.a[1], e.a[2])), e.a[3]);
+    TimerfdGettime [libc::SYS_timerfd_gettime] Rule::Stop => |t, e| t.timer_descriptor(e, None, e.a[1]);
+    Getrandom [libc::SYS_getrandom] Rule::Stop => |t, e| t.random_bytes(e.tid, &[(e.a[0], e.a[1])]);
+    Yield [libc::SYS_sched_yield] Rule::Stop => |t, e| Ok(t.give_way(e));
+    Getaffinity [libc::SYS_sched_getaffinity] Rule::Stop => |_, e| affinity(e.tid, e.a[1], e.a[2]);
+    Setaffinity [libc::SYS_sched_setaffinity] Rule::Stop => |_, _| Ok(Handling::Answer(0));
+    Getcpu [libc::SYS_getcpu] Rule::Stop => |_, e| current(e.tid, e.a[0], e.a[1]);
+    // Only after a stop by job control.
+    Restart [libc::SYS_restart_syscall] Rule::Stop => |_, _| Ok(failure(libc::EINTR));
+    Exit [libc::SYS_exit] Rule::Stop => |t, e| Ok(t.exit(e));
+    ExitGroup [libc::SYS_exit_group] Rule::Stop => |t, e| Ok(t.exit_group(e));
+    // CLONE_UNTRACED: no process leaves the tree.
+    Clone [libc::SYS_clone] Rule::IfBits(0, 0x0080_0000) => |t, e| t.make_traced(e, 0x0080_0000);
+    Ptrace [libc::SYS_ptrace] Rule::Stop => |t, _| Ok(t.refuse_debugger());
+    // Answered as by a system that lacks them. futex_waitv, futex_wake, futex_wait and futex_requeue:
+    Missing [449, 454, 455, 456,
+        // It would tell in memory on which processor a thread runs.
+        libc::SYS_rseq,
+        // Its flags lie in memory.
+        libc::SYS_clone3,
+        // They wait for the kernel's own work, in its time.
+        libc::SYS_io_uring_setup, libc::SYS_io_uring_enter, libc::SYS_io_uring_register,
+        libc::SYS_io_setup] Rule::Stop => |t, e| Ok(t.lack(e));
 }
 
-pub(crate) fn call(number: i64) -> Option<(Group, Syscall)> {
-    let rule = RULES.iter().find(|rule| rule.0.contains(&number))?;
-    Some(rule.1)
+/// The syscall with this number, and its handler.
+pub(crate) fn call(number: i64) -> Option<(Syscall, Handler)> {
+    let mut rules = RULES.iter();
+    let (_, call, _, handler) = rules.find(|(numbers, ..)| numbers.contains(&number))?;
+    Some((*call, *handler))
 }
 
 /// The filter that a client runs under.
@@ -224,8 +216,8 @@ pub(crate) fn filter(random: bool) -> Vec<sock_filter> {
         program.push(jump(BPF_JEQ, number, 0, block.len()));
         program.extend(block);
     };
-    for (numbers, call, rule) in RULES {
-        if call.1 == Syscall::Getrandom && !random {
+    for (numbers, call, rule, _) in RULES {
+        if *call == Syscall::Getrandom && !random {
             continue;
         }
         let argument = |index: u32| load(ARGUMENTS + 8 * index);
