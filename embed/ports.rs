@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rigsim_pty::{ListenAddress, Port, PtySetup};
+use rigsim_pty::{ListenAddress, PtySetup, open_serial_port, open_unlinked_port};
 use rigsim_runner::{PlannedLink, RigPlan, Scenario};
 use serde_json::{Value, json};
 
@@ -39,12 +39,12 @@ pub fn open_all(
         };
         match (serial, &link.path, unnamed) {
             (Some(serial), ..) if id.device == 0 && id.link == 0 => {
-                Port::open_serial(serial, link.baud, 1).map(|port| Served::new(id, port))
+                open_serial_port(serial, link.baud).map(|port| Served::new(id, port))
             }
             (_, Some(path), _) if ListenAddress::is_url(path) => Served::at(id, path, setup),
             (_, Some(path), _) => Served::at(id, &folder.join(path), setup),
             (_, None, Some(dir)) => Served::at(id, &dir.join(link.file_name()), setup),
-            (_, None, None) => Port::open_unlinked(setup).map(|port| Served::new(id, port)),
+            (_, None, None) => open_unlinked_port(setup).map(|port| Served::new(id, port)),
         }
     };
     scenario.client_links().map(open).collect()
@@ -69,7 +69,7 @@ impl ShownPort {
             Some(Self {
                 link,
                 path: served.path.clone(),
-                is_public: served.port.as_ref().is_some_and(Port::is_public),
+                is_public: served.port.as_ref().is_some_and(|port| port.is_public()),
             })
         });
         shown.collect()

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rigsim_core::rig::PortId;
-use rigsim_pty::{Counters, Port, PortError, PtySetup, Waiter};
+use rigsim_pty::{Counters, Port, PortError, PtySetup, Waiter, open_port};
 
 /// A port and whose it is.
 pub struct Served {
@@ -12,7 +12,7 @@ pub struct Served {
     /// Path at which a client opens it.
     pub path: PathBuf,
     /// `None` while the cable is pulled.
-    pub port: Option<Port>,
+    pub port: Option<Box<dyn Port>>,
     /// Setup by which it can be made again; a cable in a real serial port stays in.
     setup: Option<PtySetup>,
     /// Totals of the times before the cable was pulled.
@@ -30,12 +30,12 @@ impl Served {
     pub fn at(id: PortId, path: &Path, setup: PtySetup) -> Result<Self, PortError> {
         Ok(Self {
             setup: Some(setup),
-            ..Self::new(id, Port::open_at(path, setup)?)
+            ..Self::new(id, open_port(path, setup)?)
         })
     }
 
     /// Serves on a port that stays.
-    pub fn new(id: PortId, port: Port) -> Self {
+    pub fn new(id: PortId, port: Box<dyn Port>) -> Self {
         Self {
             id,
             path: port.path().to_owned(),
@@ -59,7 +59,7 @@ impl Served {
     /// Makes the port again.
     pub fn reopen(&mut self, waiter: &mut Waiter, token: usize) -> Result<(), PortError> {
         if let (None, Some(setup)) = (&self.port, self.setup) {
-            let mut port = Port::open_at(&self.path, setup)?;
+            let mut port = open_port(&self.path, setup)?;
             waiter.add(token, &mut port)?;
             self.port = Some(port);
         }
@@ -68,7 +68,7 @@ impl Served {
 
     /// Returns whether a client has it open.
     pub fn is_attached(&self) -> bool {
-        self.port.as_ref().is_some_and(Port::is_attached)
+        self.port.as_ref().is_some_and(|port| port.is_attached())
     }
 
     /// Totals since the beginning.

@@ -188,7 +188,7 @@ impl State {
 
 /// A port's place in a waiter. Dropping it gives the place up.
 #[derive(Debug)]
-pub(crate) struct Registration {
+pub struct Registration {
     hub: Arc<Hub>,
     token: usize,
     wd: Option<i32>,

@@ -8,10 +8,10 @@
 //! [`Port::read`] returns them one [`Event`] at a time.
 //!
 //! ```no_run
-//! use rigsim_pty::{Event, Port, PtySetup, Waiter};
+//! use rigsim_pty::{Event, PtySetup, Waiter, open_port};
 //!
 //! # fn main() -> Result<(), rigsim_pty::PortError> {
-//! let mut port = Port::open_at("/tmp/r150", PtySetup::raw(115_200))?;
+//! let mut port = open_port("/tmp/r150", PtySetup::raw(115_200))?;
 //! let mut waiter = Waiter::new()?;
 //! waiter.catch_signals()?;
 //! waiter.add(0, &mut port)?;
@@ -44,13 +44,12 @@
 //!   the first look, as far as it is certain whose it was. No byte of a client that is there is lost.
 //! - What a client leaves behind at a terminal is undone: settings, locks, exclusive use, suspended
 //!   output.
-//! - No other program's file is replaced or removed; [`Port::open_at`] says
+//! - No other program's file is replaced or removed; [`open_port`] says
 //!   which link counts as our own.
 //! - Waiting costs no processor time while no client sends.
 
 mod error;
 mod hub;
-mod kind;
 mod line;
 mod net_decoder;
 mod net_port;
@@ -63,12 +62,11 @@ mod signals;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};
-pub use kind::{Counters, Event};
 pub use line::{Defaults, line_of};
 pub use net_decoder::{NetDecoder, Protocol};
 pub use net_port::ListenAddress;
 pub use pair::{PtySetup, open_terminal, restore_end};
-pub use port::Port;
+pub use port::{Counters, Event, Port, open_port, open_serial_port, open_unlinked_port};
 pub use rigsim_settings::ClientLine;
 pub use signals::{ExitOnSignals, survive_full_files};
 pub use waiter::{Waiter, Wake, sharpen_timers, want_descriptors};

@@ -19,8 +19,8 @@ use rustix::net::sockopt;
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, IN, Registration};
-use crate::kind::{Counters, Event, Kind};
 use crate::net_decoder::{MOST_AHEAD, NetDecoder, Protocol};
+use crate::port::{Counters, Event, Port};
 use crate::pty_port::write_some;
 
 /// Time that the end of one connection may take when the beginning of the next is known already:
@@ -103,7 +103,7 @@ pub(crate) struct NetPort {
 
 impl NetPort {
     /// Listens at `address`, for a device that runs at `baud`. With port 0 the system chooses one,
-    /// which [`path`](Kind::path) tells.
+    /// which [`path`](Port::path) tells.
     pub(crate) fn open(address: &ListenAddress, baud: u32) -> Result<Self, PortError> {
         let open = || -> std::io::Result<_> {
             let listener = TcpListener::bind(&address.address)?;
@@ -136,7 +136,7 @@ impl NetPort {
     }
 }
 
-impl Kind for NetPort {
+impl Port for NetPort {
     fn path(&self) -> &Path {
         &self.path
     }

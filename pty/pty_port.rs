@@ -13,10 +13,10 @@ use rustix::io::Errno;
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, Departures, IN, Registration};
-use crate::kind::{Counters, Event, Kind};
 use crate::line::from_termios;
 use crate::pair::{Pair, PtySetup, Read};
 use crate::paths::Link;
+use crate::port::{Counters, Event, Port};
 
 /// Reads that a single look takes, of which all but the last are words of what has happened.
 const MOST_READS: usize = 8;
@@ -95,7 +95,7 @@ impl PtyPort {
     }
 }
 
-impl Kind for PtyPort {
+impl Port for PtyPort {
     fn path(&self) -> &Path {
         self.link.as_ref().map_or(self.pair.slave(), Link::path)
     }

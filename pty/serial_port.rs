@@ -11,7 +11,7 @@ use serialport::{DataBits, FlowControl, SerialPort as _, StopBits, TTYPort};
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{IN, Registration};
-use crate::kind::{Counters, Event, Kind};
+use crate::port::{Counters, Event, Port};
 use crate::pty_port::write_some;
 
 /// A real serial port, held exclusively: 8 data bits, no parity, no flow control.
@@ -26,7 +26,7 @@ pub(crate) struct SerialPort {
 }
 
 impl SerialPort {
-    pub(crate) fn open(path: &Path, baud: u32, count: u32) -> Result<Self, PortError> {
+    pub(crate) fn open(path: &Path, baud: u32) -> Result<Self, PortError> {
         let open = || {
             if baud == 0 {
                 return Err(PortErrorKind::ZeroBaud);
@@ -34,7 +34,7 @@ impl SerialPort {
             let tty = serialport::new(path.to_string_lossy(), baud)
                 .data_bits(DataBits::Eight)
                 .parity(serialport::Parity::None)
-                .stop_bits(stop_bits(count))
+                .stop_bits(StopBits::One)
                 .flow_control(FlowControl::None)
                 .open_native()
                 .map_err(
@@ -104,7 +104,7 @@ impl SerialPort {
     }
 }
 
-impl Kind for SerialPort {
+impl Port for SerialPort {
     fn path(&self) -> &Path {
         &self.path
     }
@@ -129,10 +129,14 @@ impl Kind for SerialPort {
             true => FlowControl::Hardware,
             false => FlowControl::None,
         };
+        let stop_bits = match line.stop_bits {
+            2 => StopBits::Two,
+            _ => StopBits::One,
+        };
         let tty = &mut self.tty;
         let set = tty
             .set_baud_rate(line.baud)
-            .and_then(|()| tty.set_stop_bits(stop_bits(line.stop_bits.into())))
+            .and_then(|()| tty.set_stop_bits(stop_bits))
             .and_then(|()| tty.set_flow_control(flow));
         set.map_err(|error| PortError::new("set", &self.path, system_error("tcsetattr", error)))
     }
@@ -161,13 +165,6 @@ impl Kind for SerialPort {
             .map_err(|kind| PortError::new("watch", &self.path, kind))?;
         self.registration = Some(registration);
         Ok(())
-    }
-}
-
-fn stop_bits(count: u32) -> StopBits {
-    match count {
-        2 => StopBits::Two,
-        _ => StopBits::One,
     }
 }
 

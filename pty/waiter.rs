@@ -111,7 +111,7 @@ impl Waiter {
     /// # Errors
     ///
     /// When the system refuses.
-    pub fn add(&mut self, token: usize, port: &mut Port) -> Result<(), PortError> {
+    pub fn add(&mut self, token: usize, port: &mut Box<dyn Port>) -> Result<(), PortError> {
         let registration = Registration::new(Arc::clone(&self.hub), token);
         registration.mark_ready();
         port.register(registration)

@@ -18,7 +18,7 @@ use harness::client::Client;
 use harness::live::Folder;
 use harness::wire::frame;
 use harness::{PATIENCE, Sim, command, json_lines, python, run, until};
-use rigsim_pty::{Event, Port, PtySetup, Waiter};
+use rigsim_pty::{Event, PtySetup, Waiter, open_port};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -78,7 +78,7 @@ impl Vehicle {
     /// The same with at most so many bytes a second.
     fn paced(dir: &TempDir, bytes: Vec<u8>, rate: f64) -> Self {
         let path = dir.path().join("vehicle");
-        let mut port = Port::open_at(path, PtySetup::raw(115_200)).unwrap();
+        let mut port = open_port(path, PtySetup::raw(115_200)).unwrap();
         let (tell, came) = channel();
         let thread = std::thread::spawn(move || {
             let mut waiter = Waiter::new().unwrap();
@@ -453,7 +453,7 @@ fn delay_beside_a_bare_relay() {
     let dir = tempfile::tempdir().unwrap();
     let echo = |name: &str| {
         let path = dir.path().join(name);
-        let mut port = Port::open_at(&path, PtySetup::raw(115_200)).unwrap();
+        let mut port = open_port(&path, PtySetup::raw(115_200)).unwrap();
         std::thread::spawn(move || {
             let mut waiter = Waiter::new().unwrap();
             waiter.add(0, &mut port).unwrap();

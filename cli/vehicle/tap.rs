@@ -13,7 +13,10 @@ use rigsim_core::device::Devices;
 use rigsim_core::device::host::{FrameReader, Sender};
 use rigsim_core::event::{Code, Event, EventKind, code};
 use rigsim_core::line::{ClientLine, LineEvent};
-use rigsim_pty::{Event as PortEvent, Port, PortError, PortErrorKind, PtySetup, Waiter};
+use rigsim_pty::{
+    Event as PortEvent, Port, PortError, PortErrorKind, PtySetup, Waiter, open_port,
+    open_serial_port,
+};
 use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
 use serde_json::json;
 
@@ -301,9 +304,9 @@ struct Link {
     vehicle_path: PathBuf,
     setup: PtySetup,
     /// `None` while the vehicle is gone.
-    client: Option<Port>,
+    client: Option<Box<dyn Port>>,
     /// Open while the client has its own open, and until what that has sent is passed on.
-    vehicle: Option<Port>,
+    vehicle: Option<Box<dyn Port>>,
     line: Option<ClientLine>,
     /// Bytes that the other side has not taken yet: to the vehicle, to the client.
     waiting: [VecDeque<u8>; 2],
@@ -322,7 +325,7 @@ impl Link {
         waiter: &mut Waiter,
     ) -> Result<Self, Failure> {
         // A wrong path is reported before a client comes.
-        drop(Port::open_serial(vehicle, baud, 1).map_err(Failure::system)?);
+        drop(open_serial_port(vehicle, baud).map_err(Failure::system)?);
         let mut link = Self {
             index,
             place: place.to_owned(),
@@ -341,19 +344,19 @@ impl Link {
 
     fn client_path(&self) -> String {
         let client = self.client.as_ref();
-        visible::name(client.map_or(&*self.place, Port::path))
+        visible::name(client.map_or(&*self.place, |port| port.path()))
     }
 
     /// Opens the client's port.
     fn publish(&mut self, waiter: &mut Waiter) -> Result<(), PortError> {
-        let mut client = Port::open_at(&self.place, self.setup)?;
+        let mut client = open_port(&self.place, self.setup)?;
         waiter.add(2 * self.index, &mut client)?;
         self.client = Some(client);
         Ok(())
     }
 
     fn is_attached(&self) -> bool {
-        self.client.as_ref().is_some_and(Port::is_attached)
+        self.client.as_ref().is_some_and(|port| port.is_attached())
     }
 
     /// Whether the client has to wait for the vehicle.
@@ -401,8 +404,7 @@ impl Link {
                     out.record(Record::Attach { t, port });
                     self.emit(out, t, LineEvent::Attached);
                     if self.vehicle.is_none() {
-                        let mut vehicle =
-                            Port::open_serial(&self.vehicle_path, self.setup.baud, 1)?;
+                        let mut vehicle = open_serial_port(&self.vehicle_path, self.setup.baud)?;
                         waiter.add(2 * self.index + 1, &mut vehicle)?;
                         self.vehicle = Some(vehicle);
                     }
@@ -556,9 +558,7 @@ impl Link {
 
     /// Searches for a vehicle that is gone, and opens the client's port again when it is there.
     fn search(&mut self, waiter: &mut Waiter, out: &mut Out) -> Result<(), Failure> {
-        if self.client.is_some()
-            || Port::open_serial(&self.vehicle_path, self.setup.baud, 1).is_err()
-        {
+        if self.client.is_some() || open_serial_port(&self.vehicle_path, self.setup.baud).is_err() {
             return Ok(());
         }
         self.publish(waiter).map_err(Failure::system)?;
@@ -572,7 +572,7 @@ impl Link {
 }
 
 /// Writes as much as a port takes without losing any.
-fn write(port: Option<&mut Port>, waiting: &mut VecDeque<u8>) -> Result<(), PortError> {
+fn write(port: Option<&mut Box<dyn Port>>, waiting: &mut VecDeque<u8>) -> Result<(), PortError> {
     let Some(port) = port.filter(|_| !waiting.is_empty()) else {
         return Ok(());
     };

@@ -12,7 +12,7 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{Bench, Client, until};
-use rigsim_pty::{ClientLine, Event, Port, PtySetup};
+use rigsim_pty::{ClientLine, Event, PtySetup, open_unlinked_port};
 use rustix::event::epoll;
 use rustix::fd::OwnedFd;
 use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSelector, tcflush};
@@ -20,7 +20,7 @@ use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSe
 #[test]
 fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
     for baud in [115_200, 9_600, 250_000, 1_234_567] {
-        let port = Port::open_unlinked(PtySetup::raw(baud)).unwrap();
+        let port = open_unlinked_port(PtySetup::raw(baud)).unwrap();
         let client = Client::open(port.path());
         let termios = client.termios();
         assert_eq!(termios.output_speed(), baud);
@@ -67,7 +67,7 @@ fn every_byte_passes_both_ways_and_none_is_echoed() {
 
 #[test]
 fn a_baud_rate_of_zero_is_refused_by_name() {
-    let error = Port::open_unlinked(PtySetup::raw(0))
+    let error = open_unlinked_port(PtySetup::raw(0))
         .unwrap_err()
         .to_string();
     assert!(error.contains("baud rate is 0"), "{error}");
@@ -99,7 +99,7 @@ fn a_client_that_only_listens_is_reported_too() {
 
 #[test]
 fn without_a_waiter_reading_tells_as_much() {
-    let mut port = Port::open_unlinked(PtySetup::raw(115_200)).unwrap();
+    let mut port = open_unlinked_port(PtySetup::raw(115_200)).unwrap();
     let mut buf = [0; 16];
     for _ in 0..3 {
         assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);

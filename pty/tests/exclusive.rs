@@ -18,7 +18,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use common::{Bench, Client, unprivileged};
-use rigsim_pty::{Event, Port, PtySetup};
+use rigsim_pty::{Event, PtySetup, open_port};
 use rustix::io::Errno;
 use rustix::termios::ioctl_tiocexcl;
 
@@ -57,7 +57,7 @@ fn an_ordinary_user_s_port_can_be_opened_again() {
 fn exclusive_flag_without_privileges() {
     assert!(!rustix::process::geteuid().is_root());
     let path = unprivileged::dir().join("r150");
-    let mut bench = Bench::new(Port::open_at(&path, PtySetup::raw(115_200)).unwrap());
+    let mut bench = Bench::new(open_port(&path, PtySetup::raw(115_200)).unwrap());
     for round in 0..5 {
         let before = bench.port.node().to_owned();
         be_killed_while_exclusive(&mut bench);
@@ -103,7 +103,7 @@ fn a_replaced_link_is_not_turned() {
 #[ignore = "run by another test in its own process"]
 fn replaced_link_is_not_turned() {
     let path = unprivileged::dir().join("r150");
-    let mut port = Port::open_at(&path, PtySetup::raw(115_200)).unwrap();
+    let mut port = open_port(&path, PtySetup::raw(115_200)).unwrap();
     let mut buf = [0; 16];
     let client = Client::open(&path);
     assert_eq!(port.read(&mut buf).unwrap(), Event::Attached);

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use common::{Bench, Client, until};
-use rigsim_pty::{Port, PtySetup};
+use rigsim_pty::{PtySetup, open_unlinked_port};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::OwnedFd;
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
@@ -78,7 +78,7 @@ fn parity_and_seven_bits_are_refused_and_two_stop_bits_are_taken() {
 
 #[test]
 fn there_are_no_modem_lines() {
-    let port = Port::open_unlinked(PtySetup::raw(115_200)).unwrap();
+    let port = open_unlinked_port(PtySetup::raw(115_200)).unwrap();
     let mut client = serialport::new(port.path().to_str().unwrap(), 115_200)
         .open()
         .unwrap();

@@ -16,13 +16,13 @@ use std::process::{Command, Stdio};
 use std::sync::Barrier;
 
 use common::{Client, until};
-use rigsim_pty::{Port, PortErrorKind, PtySetup};
+use rigsim_pty::{PortErrorKind, PtySetup, open_port, open_unlinked_port};
 use rustix::termios::LocalModes;
 
 const SETUP: PtySetup = PtySetup::raw(115_200);
 
 fn refused(path: &Path) -> (PortErrorKindName, String) {
-    let error = Port::open_at(path, SETUP).expect_err("the path is refused");
+    let error = open_port(path, SETUP).expect_err("the path is refused");
     assert_eq!(error.path(), path);
     let name = match error.kind() {
         PortErrorKind::Occupied(_) => PortErrorKindName::Occupied,
@@ -56,7 +56,7 @@ fn names(dir: &Path) -> Vec<PathBuf> {
 fn the_link_leads_to_a_port_that_is_ready_and_goes_with_it() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let port = Port::open_at(&path, PtySetup::raw(250_000)).unwrap();
+    let port = open_port(&path, PtySetup::raw(250_000)).unwrap();
     assert_eq!(port.path(), path);
     assert_eq!(fs::read_link(&path).unwrap(), port.node());
     assert!(fs::metadata(&path).unwrap().file_type().is_char_device());
@@ -83,7 +83,7 @@ fn a_client_that_sees_the_link_finds_a_raw_port() {
             }
         });
         while !watcher.is_finished() {
-            drop(Port::open_at(&path, SETUP).unwrap());
+            drop(open_port(&path, SETUP).unwrap());
         }
     });
 }
@@ -134,7 +134,7 @@ fn a_file_a_directory_and_foreign_links_are_left_alone() {
 fn a_link_to_another_program_s_terminal_is_left_alone() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let terminal = Port::open_unlinked(SETUP).unwrap();
+    let terminal = open_unlinked_port(SETUP).unwrap();
     symlink(terminal.node(), &path).unwrap();
     assert_eq!(refused(&path).0, Occupied);
     assert_eq!(fs::read_link(&path).unwrap(), terminal.node());
@@ -147,7 +147,7 @@ fn a_link_to_a_terminal_that_is_gone_is_replaced_if_it_is_recorded() {
     symlink("/dev/pts/4294967", &path).unwrap();
     assert_eq!(refused(&path).0, Occupied);
     fs::write(dir.path().join(".r150.sim-lock"), "1\n/dev/pts/4294967\n").unwrap();
-    let port = Port::open_at(&path, SETUP).unwrap();
+    let port = open_port(&path, SETUP).unwrap();
     assert_eq!(fs::read_link(&path).unwrap(), port.node());
     drop(port);
     assert_eq!(names(dir.path()), [] as [PathBuf; 0]);
@@ -157,7 +157,7 @@ fn a_link_to_a_terminal_that_is_gone_is_replaced_if_it_is_recorded() {
 fn a_recorded_link_is_replaced_even_where_its_number_lives_again() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let terminal = Port::open_unlinked(SETUP).unwrap();
+    let terminal = open_unlinked_port(SETUP).unwrap();
     let node = terminal.node();
     symlink(node, &path).unwrap();
     fs::write(
@@ -165,7 +165,7 @@ fn a_recorded_link_is_replaced_even_where_its_number_lives_again() {
         format!("1\n{}\n", node.display()),
     )
     .unwrap();
-    let port = Port::open_at(&path, SETUP).unwrap();
+    let port = open_port(&path, SETUP).unwrap();
     assert_eq!(fs::read_link(&path).unwrap(), port.node());
     assert_ne!(port.node(), node);
 }
@@ -174,7 +174,7 @@ fn a_recorded_link_is_replaced_even_where_its_number_lives_again() {
 fn a_second_simulator_is_refused_and_the_first_is_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let port = Port::open_at(&path, SETUP).unwrap();
+    let port = open_port(&path, SETUP).unwrap();
     let (kind, message) = refused(&path);
     assert_eq!(kind, InUse);
     assert!(
@@ -186,7 +186,7 @@ fn a_second_simulator_is_refused_and_the_first_is_named() {
     fs::create_dir(dir.path().join("sub")).unwrap();
     assert_eq!(refused(&dir.path().join("sub/../r150")).0, InUse);
     drop(port);
-    drop(Port::open_at(&path, SETUP).unwrap());
+    drop(open_port(&path, SETUP).unwrap());
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn of_many_that_start_at_once_one_wins() {
                 .map(|_| {
                     scope.spawn(|| {
                         start.wait();
-                        let port = Port::open_at(&path, SETUP);
+                        let port = open_port(&path, SETUP);
                         end.wait();
                         match &port {
                             Ok(port) => {
@@ -234,14 +234,14 @@ fn of_many_that_start_at_once_one_wins() {
 fn a_link_that_was_replaced_is_not_removed() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let port = Port::open_at(&path, SETUP).unwrap();
+    let port = open_port(&path, SETUP).unwrap();
     fs::remove_file(&path).unwrap();
     fs::write(&path, "precious").unwrap();
     drop(port);
     assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
     fs::remove_file(&path).unwrap();
 
-    let port = Port::open_at(&path, SETUP).unwrap();
+    let port = open_port(&path, SETUP).unwrap();
     fs::remove_file(&path).unwrap();
     symlink("/dev/null", &path).unwrap();
     drop(port);
@@ -289,7 +289,7 @@ fn a_directory_that_may_not_be_written_to_is_explained() {
 #[ignore = "run by another test in its own process"]
 fn unwritable_directory() {
     let dir = common::unprivileged::dir();
-    let error = Port::open_at(dir.join("closed/r150"), SETUP).unwrap_err();
+    let error = open_port(dir.join("closed/r150"), SETUP).unwrap_err();
     assert!(
         matches!(error.kind(), PortErrorKind::NotWritable(_)),
         "{error:?}"
@@ -324,7 +324,7 @@ fn a_killed_simulator_s_link_is_replaced() {
         fs::symlink_metadata(&path).is_ok(),
         "no process was there to remove the link"
     );
-    let port = Port::open_at(&path, SETUP).unwrap();
+    let port = open_port(&path, SETUP).unwrap();
     assert_eq!(fs::read_link(&path).unwrap(), port.node());
     drop(port);
     assert_eq!(names(dir.path()), [] as [PathBuf; 0]);
@@ -334,6 +334,6 @@ fn a_killed_simulator_s_link_is_replaced() {
 #[ignore = "run by another test in its own process"]
 fn simulator_to_be_killed() {
     let dir = common::unprivileged::dir();
-    let _port = Port::open_at(dir.join("r150"), SETUP).unwrap();
+    let _port = open_port(dir.join("r150"), SETUP).unwrap();
     std::thread::sleep(common::PATIENCE * 3);
 }

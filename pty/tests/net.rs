@@ -13,7 +13,7 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
 
 use common::PATIENCE;
-use rigsim_pty::{Event, ListenAddress, Port, PtySetup, Waiter};
+use rigsim_pty::{Event, ListenAddress, Port, PtySetup, Waiter, open_port};
 
 const IAC: u8 = 255;
 /// WILL COM-PORT-OPTION.
@@ -26,14 +26,14 @@ fn command(number: u8, value: &[u8]) -> Vec<u8> {
 
 struct Bench {
     waiter: Waiter,
-    port: Port,
+    port: Box<dyn Port>,
     address: String,
 }
 
 impl Bench {
     fn new(scheme: &str) -> Self {
         let url = format!("{scheme}://127.0.0.1:0");
-        let mut port = Port::open_at(url, PtySetup::raw(115_200)).unwrap();
+        let mut port = open_port(url, PtySetup::raw(115_200)).unwrap();
         assert!(!port.is_public());
         let url = port.path().to_str().unwrap();
         let address = url.split_once("://").unwrap().1.to_owned();
@@ -113,7 +113,7 @@ fn an_address_that_is_taken_or_elsewhere_is_refused_in_words() {
         (bench.address.as_str(), "listens there"),
         ("192.0.2.1:1", "not an address"),
     ] {
-        let refused = Port::open_at(format!("tcp://{address}"), PtySetup::raw(1));
+        let refused = open_port(format!("tcp://{address}"), PtySetup::raw(1));
         let error = refused.unwrap_err().to_string();
         assert!(error.contains(word), "{error}");
     }

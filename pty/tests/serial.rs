@@ -3,12 +3,12 @@
 mod common;
 
 use common::{Bench, PATIENCE};
-use rigsim_pty::{Event, Port, PortErrorKind, Waiter};
+use rigsim_pty::{ClientLine, Event, PortErrorKind, Waiter, open_serial_port};
 
 #[test]
 fn bytes_pass_both_ways_and_the_line_is_set() {
     let mut cable = Bench::unlinked();
-    let mut port = Port::open_serial(cable.port.path(), 250_000, 1).unwrap();
+    let mut port = open_serial_port(cable.port.path(), 250_000).unwrap();
     let mut waiter = Waiter::new().unwrap();
     waiter.add(0, &mut port).unwrap();
     cable.expect(Event::Attached);
@@ -40,7 +40,12 @@ fn bytes_pass_both_ways_and_the_line_is_set() {
 fn one_or_two_stop_bits_are_set() {
     for (stop_bits, set) in [(1, 1), (2, 2)] {
         let cable = Bench::unlinked();
-        let _port = Port::open_serial(cable.port.path(), 9600, stop_bits).unwrap();
+        let mut port = open_serial_port(cable.port.path(), 9600).unwrap();
+        let given = ClientLine {
+            stop_bits,
+            ..ClientLine::at(9600)
+        };
+        port.set_line(given).unwrap();
         let line = cable.port.client_line().unwrap().unwrap();
         assert_eq!((line.baud, line.stop_bits), (9600, set));
     }
@@ -49,7 +54,7 @@ fn one_or_two_stop_bits_are_set() {
 #[test]
 fn a_peer_that_never_reads_stalls_no_caller() {
     let cable = Bench::unlinked();
-    let mut port = Port::open_serial(cable.port.path(), 115_200, 1).unwrap();
+    let mut port = open_serial_port(cable.port.path(), 115_200).unwrap();
     let accepted = port.write(&[0; 200_000]).unwrap();
     assert!((1..200_000).contains(&accepted), "{accepted}");
     let dropped = 200_000 - accepted as u64;
@@ -59,7 +64,7 @@ fn a_peer_that_never_reads_stalls_no_caller() {
 #[test]
 fn unplugging_is_an_error_and_wakes_no_caller_twice() {
     let cable = Bench::unlinked();
-    let mut port = Port::open_serial(cable.port.path(), 115_200, 1).unwrap();
+    let mut port = open_serial_port(cable.port.path(), 115_200).unwrap();
     let mut waiter = Waiter::new().unwrap();
     waiter.add(0, &mut port).unwrap();
     let mut buf = [0; 8];
@@ -88,7 +93,7 @@ fn unplugging_is_an_error_and_wakes_no_caller_twice() {
 #[test]
 fn what_cannot_be_opened_is_explained() {
     let dir = tempfile::tempdir().unwrap();
-    let missing = Port::open_serial(dir.path().join("ttyUSB0"), 115_200, 1).unwrap_err();
+    let missing = open_serial_port(dir.path().join("ttyUSB0"), 115_200).unwrap_err();
     assert!(
         matches!(missing.kind(), PortErrorKind::NoSuchDevice),
         "{missing:?}"
@@ -96,15 +101,15 @@ fn what_cannot_be_opened_is_explained() {
     assert!(missing.to_string().contains("check the cable"), "{missing}");
 
     let cable = Bench::unlinked();
-    let _holder = Port::open_serial(cable.port.path(), 115_200, 1).unwrap();
-    let busy = Port::open_serial(cable.port.path(), 115_200, 1).unwrap_err();
+    let _holder = open_serial_port(cable.port.path(), 115_200).unwrap();
+    let busy = open_serial_port(cable.port.path(), 115_200).unwrap_err();
     assert!(matches!(busy.kind(), PortErrorKind::Busy), "{busy:?}");
 
     for path in [dir.path(), "/dev/null".as_ref()] {
-        let no_port = Port::open_serial(path, 115_200, 1).unwrap_err();
+        let no_port = open_serial_port(path, 115_200).unwrap_err();
         let kind = no_port.kind();
         assert!(matches!(kind, PortErrorKind::NotSerial), "{no_port:?}");
     }
-    let zero = Port::open_serial(cable.port.path(), 0, 1).unwrap_err();
+    let zero = open_serial_port(cable.port.path(), 0).unwrap_err();
     assert!(matches!(zero.kind(), PortErrorKind::ZeroBaud), "{zero:?}");
 }

@@ -14,7 +14,7 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use common::{Bench, Client, until};
-use rigsim_pty::{Event, Port, PtySetup};
+use rigsim_pty::{Event, PtySetup, open_port, open_unlinked_port};
 use rustix::ffi::c_int;
 use rustix::fs::{Mode, fchmod};
 use rustix::ioctl::{NoArg, Setter, ioctl};
@@ -139,7 +139,7 @@ fn whatever_a_client_does_to_its_terminal_ends_with_it() {
             ..PtySetup::raw(9_600)
         },
     ] {
-        let mut bench = Bench::new(Port::open_unlinked(setup).unwrap());
+        let mut bench = Bench::new(open_unlinked_port(setup).unwrap());
         let fresh = bench.client().termios();
         bench.expect(Event::Attached);
         bench.expect(Event::Detached);
@@ -222,7 +222,7 @@ fn clients_that_hang_the_port_up_for_all_do_so_at_any_moment() {
     // By a link, since a node that is given up becomes another program's at once.
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("port");
-    let port = Port::open_at(&path, PtySetup::raw(115_200)).unwrap();
+    let port = open_port(&path, PtySetup::raw(115_200)).unwrap();
     let mut bench = Bench::new(port);
     let fresh = bench.client().termios();
     bench.expect(Event::Attached);
@@ -278,7 +278,7 @@ fn permissions_are_as_asked_for_and_stay_so() {
         group: Some(group),
         ..PtySetup::raw(115_200)
     };
-    let mut bench = Bench::new(Port::open_unlinked(setup).unwrap());
+    let mut bench = Bench::new(open_unlinked_port(setup).unwrap());
     let found = |bench: &Bench| {
         let found = std::fs::metadata(bench.port.path()).unwrap();
         (found.permissions().mode() & 0o777, found.gid())
@@ -336,6 +336,6 @@ fn a_group_that_is_not_the_user_s_is_refused_in_words() {
         group: Some(0),
         ..PtySetup::raw(115_200)
     };
-    let error = Port::open_unlinked(setup).unwrap_err().to_string();
+    let error = open_unlinked_port(setup).unwrap_err().to_string();
     assert!(error.contains("group"), "{error}");
 }

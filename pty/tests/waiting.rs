@@ -5,14 +5,14 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{Client, PATIENCE};
-use rigsim_pty::{Event, Port, PtySetup, Waiter, sharpen_timers};
+use rigsim_pty::{Event, Port, PtySetup, Waiter, open_unlinked_port, sharpen_timers};
 
 #[test]
 fn of_many_ports_those_with_events_are_named() {
     const PORTS: usize = 200;
     let mut waiter = Waiter::new().unwrap();
-    let mut ports: Vec<Port> = (0..PORTS)
-        .map(|_| Port::open_unlinked(PtySetup::raw(9_600)).unwrap())
+    let mut ports: Vec<Box<dyn Port>> = (0..PORTS)
+        .map(|_| open_unlinked_port(PtySetup::raw(9_600)).unwrap())
         .collect();
     for (token, port) in ports.iter_mut().enumerate() {
         waiter.add(token, port).unwrap();
@@ -91,7 +91,7 @@ fn a_wait_is_never_too_short() {
 #[test]
 fn a_port_is_forgotten_with_its_last_events() {
     let mut waiter = Waiter::new().unwrap();
-    let mut port = Port::open_unlinked(PtySetup::raw(9_600)).unwrap();
+    let mut port = open_unlinked_port(PtySetup::raw(9_600)).unwrap();
     waiter.add(0, &mut port).unwrap();
     let client = Client::open(port.path());
     client.send(b"unheard");
@@ -109,7 +109,7 @@ fn a_port_is_forgotten_with_its_last_events() {
 fn a_port_may_move_to_another_waiter_with_its_client() {
     let mut first = Waiter::new().unwrap();
     let mut second = Waiter::new().unwrap();
-    let mut port = Port::open_unlinked(PtySetup::raw(9_600)).unwrap();
+    let mut port = open_unlinked_port(PtySetup::raw(9_600)).unwrap();
     first.add(0, &mut port).unwrap();
     let client = Client::open(port.path());
     assert_eq!(port.read(&mut [0; 8]).unwrap(), Event::Attached);
@@ -123,7 +123,7 @@ fn a_port_may_move_to_another_waiter_with_its_client() {
 
 #[test]
 fn a_client_from_before_the_watch_is_not_taken_for_another() {
-    let mut port = Port::open_unlinked(PtySetup::raw(9_600)).unwrap();
+    let mut port = open_unlinked_port(PtySetup::raw(9_600)).unwrap();
     let client = Client::open(port.path());
     let mut waiter = Waiter::new().unwrap();
     waiter.add(0, &mut port).unwrap();

@@ -13,7 +13,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use rigsim_pty::{Event, Port, PtySetup, Waiter};
+use rigsim_pty::{Event, Port, PtySetup, Waiter, open_unlinked_port};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
@@ -106,13 +106,13 @@ pub fn until(what: &str, mut done: impl FnMut() -> bool) {
 /// A port and a waiter that watches nothing else.
 pub struct Bench {
     pub waiter: Waiter,
-    pub port: Port,
+    pub port: Box<dyn Port>,
     /// With zero the port is polled without a sleep.
     pub longest_wait: Duration,
 }
 
 impl Bench {
-    pub fn new(mut port: Port) -> Self {
+    pub fn new(mut port: Box<dyn Port>) -> Self {
         let mut waiter = Waiter::new().unwrap();
         waiter.add(7, &mut port).unwrap();
         Self {
@@ -123,7 +123,7 @@ impl Bench {
     }
 
     pub fn unlinked() -> Self {
-        Self::new(Port::open_unlinked(PtySetup::raw(115_200)).unwrap())
+        Self::new(open_unlinked_port(PtySetup::raw(115_200)).unwrap())
     }
 
     pub fn client(&self) -> Client {
