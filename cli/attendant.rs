@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rigsim_embed::clock::Clock;
-use rigsim_embed::serve::Attendant;
+use rigsim_embed::serve::Wants;
 use rigsim_runner::{Run, RunError};
 use rigsim_settings::SimTime;
 
@@ -25,13 +25,13 @@ pub(crate) struct LogAttendant<'a> {
     pub(crate) trace: &'a mut Option<TraceFile>,
 }
 
-impl Attendant for LogAttendant<'_> {
-    fn attend(
+impl LogAttendant<'_> {
+    pub(crate) fn attend(
         &mut self,
         run: &mut Run,
         clock: &mut Clock,
         woken: bool,
-    ) -> Result<Option<Duration>, RunError> {
+    ) -> Result<Wants, RunError> {
         if let Some((published, written)) = &mut self.client {
             written.cut();
             if run.rig().now() > SimTime::ZERO {
@@ -62,12 +62,10 @@ impl Attendant for LogAttendant<'_> {
         };
         // A client also writes while nothing else happens.
         let look = self.client.as_ref().map(|_| GLANCE);
-        Ok([again, look].into_iter().flatten().min())
-    }
-
-    fn wants_time(&self) -> bool {
-        self.requests
-            .as_ref()
-            .is_some_and(|requests| requests.wants_time())
+        let requests = self.requests.as_ref();
+        Ok(Wants {
+            again: [again, look].into_iter().flatten().min(),
+            time: requests.is_some_and(|requests| requests.wants_time()),
+        })
     }
 }

@@ -178,12 +178,13 @@ impl Session {
 
     /// Serves to the end.
     fn serve(&mut self) -> Result<Ended, Failure> {
-        let outcome = self.server.serve(&mut LogAttendant {
+        let mut attendant = LogAttendant {
             log: Some(&self.log),
             requests: self.requests.as_mut(),
             client: None,
             trace: &mut self.trace,
-        });
+        };
+        let outcome = (self.server).serve(|run, clock, woken| attendant.attend(run, clock, woken));
         // No request is left to be answered.
         self.requests = None;
         // From here on there is no ready file, however long the printing takes.

@@ -72,39 +72,14 @@ pub enum Begin {
     Paused,
 }
 
-/// Observer of a run between two of its steps, which changes what happens in it and how its time
-/// passes.
-pub trait Attendant {
-    /// Called once a round; `woken` says that there is something to read where the attendant is to
-    /// be woken from. Says after how much real time at most it is to be called again.
-    ///
-    /// # Errors
-    /// When the run cannot go on.
-    fn attend(
-        &mut self,
-        run: &mut Run,
-        clock: &mut Clock,
-        woken: bool,
-    ) -> Result<Option<Duration>, RunError>;
-
-    /// Returns whether a request waits for something that comes only with time, which begins then even
-    /// if no client has opened a port.
-    fn wants_time(&self) -> bool {
-        false
-    }
-}
-
-/// No attendant: events are dropped.
-impl Attendant for () {
-    fn attend(
-        &mut self,
-        run: &mut Run,
-        _clock: &mut Clock,
-        _woken: bool,
-    ) -> Result<Option<Duration>, RunError> {
-        while run.poll_event().is_some() {}
-        Ok(None)
-    }
+/// What the attendant of a run wants.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Wants {
+    /// To be called again after so much real time at most.
+    pub again: Option<Duration>,
+    /// Time to begin even if no client has opened a port: a request waits for something that comes only with
+    /// time.
+    pub time: bool,
 }
 
 /// Reason for which the loop came to its end.
@@ -206,7 +181,7 @@ impl Server {
         Ok(self.waiter.watch(self.watched(), source)?)
     }
 
-    /// Wakes the attendant when `source` can be read.
+    /// Reports to the attendant when `source` can be read.
     ///
     /// # Errors
     /// When it cannot be waited for.
@@ -232,11 +207,16 @@ impl Server {
         wake.is_ok_and(Wake::is_signalled)
     }
 
-    /// Serves to the end.
+    /// Serves to the end. Each round, between two steps of the run, `attend` may change what happens in it and
+    /// how its time passes; its last argument says that there is something to read where it is to be woken
+    /// from.
     ///
     /// # Errors
     /// When a port or the simulation fails.
-    pub fn serve(&mut self, attendant: &mut impl Attendant) -> Result<Ended, ServeError> {
+    pub fn serve(
+        &mut self,
+        mut attend: impl FnMut(&mut Run, &mut Clock, bool) -> Result<Wants, RunError>,
+    ) -> Result<Ended, ServeError> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut longest_sleep = LONG_SLEEP;
         let queue = RunQueue::of_this_thread();
@@ -279,8 +259,8 @@ impl Server {
                 self.deliver(token)?;
             }
             let woken = ready.contains(&self.waking());
-            let again = attendant.attend(&mut self.run, &mut self.clock, woken)?;
-            if attendant.wants_time() {
+            let wants = attend(&mut self.run, &mut self.clock, woken)?;
+            if wants.time {
                 self.begin();
             }
             if self.run.finished().is_some() {
@@ -303,7 +283,10 @@ impl Server {
             let due = due.filter(|_| !self.waiting);
             sleep_asked = due.and_then(|due| self.clock.until(due));
             sleep_asked = sleep_asked.map(|sleep| sleep.max(SHORTEST_SLEEP));
-            for other in [again, self.until.map(|_| left)].into_iter().flatten() {
+            for other in [wants.again, self.until.map(|_| left)]
+                .into_iter()
+                .flatten()
+            {
                 sleep_asked = Some(sleep_asked.map_or(other, |sleep| sleep.min(other)));
             }
             if longest_sleep < LONG_SLEEP {

@@ -10,7 +10,7 @@ use rigsim_runner::{Outcome, Run};
 
 use crate::error::Error;
 use crate::ports::open_all;
-use crate::serve::{Begin, Server};
+use crate::serve::{Begin, Server, Wants};
 
 /// Devices served on pseudo-terminals, for clients that open a path. When this is dropped, the
 /// ports are gone and the thread has ended.
@@ -47,7 +47,10 @@ impl Spawned {
         let serve = move || {
             let mut server = Server::new(run, ports, waiter, begin, speed)?;
             server.watch(&stopped)?;
-            server.serve(&mut ())?;
+            server.serve(|run, _, _| {
+                while run.poll_event().is_some() {}
+                Ok(Wants::default())
+            })?;
             server.close_ports();
             Ok(server.run_mut().end().clone())
         };

@@ -159,12 +159,13 @@ struct LivePlay<'a> {
 impl LivePlay<'_> {
     /// Plays until the scenario or the client ends. The client has ended then.
     fn play(&mut self, case: &Case<'_>) -> anyhow::Result<(play::Ended, PlayedClient)> {
-        let ended = self.server.serve(&mut LogAttendant {
+        let mut attendant = LogAttendant {
             log: None,
             requests: self.requests.as_mut(),
             client: Some((&mut self.published, &mut self.written)),
             trace: &mut self.playing.trace,
-        })?;
+        };
+        let ended = (self.server).serve(|run, clock, woken| attendant.attend(run, clock, woken))?;
         // No request is left to be answered.
         self.requests = None;
         let stopped = ended != Ended::Watched;
