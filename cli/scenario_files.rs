@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
 use std::fs;
-use std::hash::{DefaultHasher, Hasher as _};
 use std::os::unix::ffi::OsStrExt as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path, PathBuf};
@@ -17,6 +16,7 @@ use rigsim_runner::{RigPlan, Run, RunOptions, Scenario};
 
 use crate::args::GivenArgs;
 use crate::config;
+use crate::digest::digest;
 use crate::exit::Failure;
 use crate::print::{complain, words_of_panic};
 use crate::visible;
@@ -164,9 +164,8 @@ impl Loaded {
             {
                 begins += 1;
             }
-            let mut all = DefaultHasher::new();
-            all.write(stem.as_bytes());
-            let mut short = OsString::from(format!("{:08x}-", all.finish() & 0xFFFF_FFFF));
+            let number = digest(stem.as_bytes()) & 0xFFFF_FFFF;
+            let mut short = OsString::from(format!("{number:08x}-"));
             short.push(OsStr::from_bytes(&stem.as_bytes()[begins..]));
             stem = short;
         }

@@ -1,7 +1,6 @@
 //! Temporary folders, which are removed even if the run is killed. That of a run's ports has the same name each
 //! time: a client that prints where its port is prints the same each time.
 
-use std::hash::Hasher as _;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
@@ -9,6 +8,7 @@ use rigsim_pty::PortErrorKind;
 use rigsim_pty::paths::{Held, held_in, private_folder};
 
 use super::case::Case;
+use crate::digest::digest;
 
 /// Most folders of the same name at a time.
 const MOST: u32 = 1000;
@@ -21,14 +21,9 @@ pub(crate) fn sweep() {
 
 /// Makes the folder for the ports of a case.
 pub(crate) fn take(case: &Case<'_>) -> anyhow::Result<Held> {
-    let mut name = std::hash::DefaultHasher::new();
-    name.write(case.name().as_bytes());
-    name.write_u64(case.seed);
-    let name = format!(
-        "{}-{:08x}",
-        case.loaded.stem().to_string_lossy(),
-        name.finish() & 0xFFFF_FFFF
-    );
+    let name = [case.name().as_bytes(), &case.seed.to_ne_bytes()].concat();
+    let number = digest(&name) & 0xFFFF_FFFF;
+    let name = format!("{}-{number:08x}", case.loaded.stem().to_string_lossy());
     held(&name).with_context(|| format!("cannot make a folder for the ports of {}", case.name()))
 }
 
