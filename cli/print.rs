@@ -85,17 +85,7 @@ impl OutputFile {
         Ok(Self { path, to })
     }
 
-    /// The same without an earlier file, which would be taken for this one's if it is aborted.
-    ///
-    /// # Errors
-    /// When it cannot be written, or something else is there.
-    pub(crate) fn begin(path: &Path, marks: &'static [&'static str]) -> Result<Self, Failure> {
-        let file = Self::find(path, marks)?;
-        file.clear()?;
-        Ok(file)
-    }
-
-    /// Removes an earlier file, unless it is a stream.
+    /// Removes an earlier file, which would be taken for this one if that is aborted, unless it is a stream.
     ///
     /// # Errors
     /// When it cannot be written, or something else is there by now.

@@ -57,7 +57,8 @@ struct Shown {
 impl Page {
     /// Makes sure that it can be written later on.
     pub(crate) fn begin(devices: Devices, path: &Path, args: &RunArgs) -> Result<Self, Failure> {
-        let to = OutputFile::begin(path, MARKS)?;
+        let to = OutputFile::find(path, MARKS)?;
+        to.clear()?;
         Ok(Self {
             devices,
             to,

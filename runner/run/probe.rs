@@ -84,11 +84,4 @@ impl Run {
         let devices = self.scenario().rig.kinds().into_iter();
         devices.enumerate().flat_map(of_device).collect()
     }
-
-    /// A name of one device, without the device's.
-    #[must_use]
-    pub fn probe_of(&self, device: usize, name: &str) -> Option<Probe> {
-        let device_name = identifier(&self.scenario().rig.devices.get(device)?.name);
-        self.probe(&format!("{device_name}.{name}")).ok()
-    }
 }

@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 use rigsim_core::SimTime;
 use rigsim_core::device::names::Unit;
 use rigsim_core::event::{Event, code};
+use rigsim_physics::Pose;
 use rigsim_physics::world::{Feature, FeatureKind};
-use rigsim_runner::Run;
 use rigsim_runner::run::Probe;
 use rigsim_runner::trace::{Observer, Record};
+use rigsim_runner::{DevicePlan, Run};
 
 use crate::log::Words;
 
@@ -33,9 +34,6 @@ const MOST_SPANS: usize = 200;
 const MOST_HITS: usize = 100;
 /// Most features of the world that are shown.
 const MOST_FEATURES: usize = 2000;
-
-/// Names of where a vehicle is.
-pub(super) const PLACE: [&str; 3] = ["truth.x_m", "truth.y_m", "truth.heading_deg"];
 
 /// In place of a unit, that of numbers which the client publishes.
 pub(super) const PUBLISHED: &str = "published by the client";
@@ -95,9 +93,8 @@ pub(super) struct Way {
     pub(super) name: String,
     /// Length and width, m.
     pub(super) size: [f64; 2],
-    probes: Option<[Probe; 3]>,
-    /// x and y in m, heading in degrees, at each time.
-    pub(super) poses: Vec<[f64; 3]>,
+    /// At each time.
+    pub(super) poses: Vec<Pose>,
 }
 
 /// The values of a name.
@@ -122,20 +119,10 @@ impl<'a> Frames<'a> {
     pub(super) fn new(run: &Run, wanted: Wanted<'a>) -> Self {
         let world = run.rig().world();
         let devices = &run.scenario().rig.devices;
-        let way = |(device, plan): (usize, &rigsim_runner::DevicePlan)| {
-            let mut bodies = world.bodies();
-            let body = bodies.find(|(name, _)| *name == plan.name);
-            let probe = |name| run.probe_of(device, name);
-            let [x, y, heading] = PLACE.map(probe);
-            Way {
-                name: plan.name.clone(),
-                size: body.map_or([0.0; 2], |(_, size)| size),
-                probes: x
-                    .zip(y)
-                    .zip(heading)
-                    .map(|((x, y), heading)| [x, y, heading]),
-                poses: Vec::new(),
-            }
+        let way = |(plan, (_, size)): (&DevicePlan, (_, [f64; 2]))| Way {
+            name: plan.name.clone(),
+            size,
+            poses: Vec::new(),
         };
         let series = |probe: Probe| match probe.unit {
             Unit::Number(unit) if is_shown(unit) => Some(Series {
@@ -156,7 +143,7 @@ impl<'a> Frames<'a> {
             next: SimTime::ZERO,
             words: Words::new(&run.scenario().rig),
             times: Vec::new(),
-            ways: devices.iter().enumerate().map(way).collect(),
+            ways: devices.iter().zip(world.bodies()).map(way).collect(),
             series: probes.into_iter().filter_map(series).collect(),
             spans: Vec::new(),
             features: Vec::new(),
@@ -319,11 +306,9 @@ impl Observer for Frames<'_> {
         self.next = self.after(self.next);
         self.track_features(run);
         self.times.push(run.rig().now().as_secs_f64());
-        for way in &mut self.ways {
-            if let Some(probes) = &way.probes {
-                let pose = [0, 1, 2].map(|index| probes[index].number(run));
-                way.poses.push(pose);
-            }
+        for (device, way) in self.ways.iter_mut().enumerate() {
+            let motion = run.rig().motion(device);
+            way.poses.extend(motion.map(|motion| motion.pose));
         }
         self.begin_series(run);
         for series in &mut self.series {

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use maud::{Markup, PreEscaped, html};
+use rigsim_physics::Pose;
 use rigsim_physics::world::{Feature, FeatureKind, Shape};
 
 use super::frames::{Frames, Way};
@@ -32,7 +33,7 @@ impl View {
         let mut high = [f64::NEG_INFINITY; 2];
         for way in &frames.ways {
             let reach = way.size[0].max(way.size[1]) / 2.0;
-            for [x, y, _] in &way.poses {
+            for Pose { x, y, .. } in &way.poses {
                 for (axis, at) in [*x, *y].into_iter().enumerate() {
                     low[axis] = low[axis].min(at - reach);
                     high[axis] = high[axis].max(at + reach);
@@ -196,7 +197,7 @@ fn way_of(view: &View, way: &Way) -> Markup {
         let to = (count * (part + 1) / COLOURS + 1).min(count);
         let mut points: Vec<[f64; 2]> = way.poses[from..to]
             .iter()
-            .map(|[x, y, _]| [*x, *y])
+            .map(|pose| [pose.x, pose.y])
             .collect();
         // Standing still is one point.
         points.dedup_by(|a, b| {
@@ -219,8 +220,8 @@ fn ends(view: &View, frames: &Frames, way: &Way) -> Markup {
     let last = frames
         .failed_at()
         .map_or(way.poses.len().saturating_sub(1), |at| frames.look_at(at));
-    let body = |[x, y, heading]: [f64; 3], class: &str| {
-        let (sin, cos) = heading.to_radians().sin_cos();
+    let body = |Pose { x, y, heading }: Pose, class: &str| {
+        let (sin, cos) = heading.sin_cos();
         let [length, width] = way.size.map(|size| size / 2.0);
         let corner =
             |[ahead, left]: [f64; 2]| [x + cos * ahead - sin * left, y + sin * ahead + cos * left];
@@ -241,7 +242,7 @@ fn ends(view: &View, frames: &Frames, way: &Way) -> Markup {
         @if let Some(pose) = end {
             (body(*pose, "ends"))
             @if frames.ways.len() > 1 {
-                @let [x, y] = view.at([pose[0], pose[1]]).map(|at| format!("{at:.1}"));
+                @let [x, y] = view.at([pose.x, pose.y]).map(|at| format!("{at:.1}"));
                 text x=(x) y=(y) dy="-8" text-anchor="middle" { (way.name) }
             }
         }
@@ -251,7 +252,7 @@ fn ends(view: &View, frames: &Frames, way: &Way) -> Markup {
 fn faults(view: &View, frames: &Frames) -> Markup {
     html! {
         @for span in &frames.spans {
-            @if let Some([x, y, _]) = frames.ways.get(span.device).and_then(|way| way.poses.get(frames.look_at(span.from))) {
+            @if let Some(Pose { x, y, .. }) = frames.ways.get(span.device).and_then(|way| way.poses.get(frames.look_at(span.from))) {
                 @let [x, y] = view.at([*x, *y]).map(|at| format!("{at:.1}"));
                 circle.fault cx=(x) cy=(y) r="5" {
                     title { (visible::line(&span.name)) " (" (span.fault) ") at " (format!("{:.2} s", span.from)) }
@@ -268,7 +269,7 @@ fn failure(view: &View, frames: &Frames) -> Markup {
     let look = frames.look_at(at);
     html! {
         @for way in &frames.ways {
-            @if let Some([x, y, _]) = way.poses.get(look) {
+            @if let Some(Pose { x, y, .. }) = way.poses.get(look) {
                 @let [x, y] = view.at([*x, *y]);
                 path.failure d=(format!("M{:.1} {:.1}l16 16m0 -16l-16 16", x - 8.0, y - 8.0)) {}
             }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::frames::{Frames, PLACE, PUBLISHED, Series, Window};
+use super::frames::{Frames, PUBLISHED, Series, Window};
 use crate::visible;
 
 /// Size of a plot, in its own units, and the part of it within the axes: left, top, right, bottom.
@@ -16,6 +16,9 @@ const MOST_PLOTS: usize = 40;
 const SAME: f64 = 0.004;
 /// The least that an axis spans, as a part of its values: noise is not shown as a storm.
 const LEAST: f64 = 2e-3;
+
+/// Names of where a vehicle is.
+const PLACE: [&str; 3] = ["truth.x_m", "truth.y_m", "truth.heading_deg"];
 
 /// Units and what is measured in them, in the order of the plots.
 const UNITS: [(&str, &str); 15] = [
