@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use rigsim_core::device::{DeviceSpec, Devices};
+use rigsim_core::settings::SimSettings;
 use rigsim_physics::Pose;
 use rigsim_pty::ListenAddress;
 use rigsim_runner::{DevicePlan, RigPlan};
@@ -136,18 +137,28 @@ fn from_flags(devices: Devices, args: &ServeArgs) -> Result<RigPlan, Failure> {
         Failure::usage(anyhow!("--start: {} has no choice; {able} has", spec.title))
     })?;
     let settings = config::load(devices, &args.settings)?;
+    Ok(of_device(spec, start, settings, ports))
+}
+
+/// One device at the origin, with these ports.
+pub(crate) fn of_device(
+    device: &'static DeviceSpec,
+    start: usize,
+    settings: SimSettings,
+    ports: Vec<Option<PathBuf>>,
+) -> RigPlan {
     let device = DevicePlan {
-        name: spec.id.to_owned(),
-        device: spec,
+        name: device.id.to_owned(),
+        device,
         start,
         pose: Pose::default(),
         settings: settings.clone(),
         ports,
     };
-    Ok(RigPlan {
+    RigPlan {
         world: None,
         seed: None,
         settings,
         devices: vec![device],
-    })
+    }
 }

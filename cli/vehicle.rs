@@ -20,13 +20,13 @@ pub(crate) use tap::tap;
 use anyhow::anyhow;
 use rigsim_core::device::Devices;
 use rigsim_core::settings::SimSettings;
-use rigsim_physics::Pose;
+use rigsim_runner::RigPlan;
 use rigsim_runner::scenario::ScenarioText;
 use rigsim_runner::trace::{FORMAT, Header, Record};
-use rigsim_runner::{DevicePlan, RigPlan};
 
 use crate::config;
 use crate::exit::Failure;
+use crate::plan::of_device;
 use crate::recording::OF_VEHICLE;
 
 /// One device of this kind with this number of links, at rest and ready.
@@ -47,20 +47,7 @@ fn plan_of(
         let why = anyhow!("{} has {some}, not {links}", device.title);
         return Err(Failure::usage(why));
     }
-    let planned = DevicePlan {
-        name: device.id.to_owned(),
-        device,
-        start: 0,
-        pose: Pose::default(),
-        settings: settings.clone(),
-        ports: vec![None; links],
-    };
-    Ok(RigPlan {
-        world: None,
-        seed: None,
-        settings,
-        devices: vec![planned],
-    })
+    Ok(of_device(device, 0, settings, vec![None; links]))
 }
 
 /// First line of a recording of a vehicle.
