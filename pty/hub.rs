@@ -31,9 +31,6 @@ pub(crate) const BOTH: epoll::EventFlags = IN.union(epoll::EventFlags::OUT);
 
 /// Reports taken at once, at most; what is left then is reported again.
 const MOST_REPORTS: usize = 1 << 15;
-/// A read that takes fewer reports than this had room left, and left none.
-/// Reports on a watched file itself name no other and take 16 bytes each.
-const FULL_READ: usize = 128;
 
 /// The shared half of a waiter.
 #[derive(Debug)]
@@ -51,7 +48,7 @@ struct State {
 }
 
 /// Reports of a node.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Node {
     token: usize,
     openers: u32,
@@ -125,18 +122,12 @@ impl Hub {
         let mut buf = [MaybeUninit::<u8>::uninit(); 4096];
         let mut state = self.lock();
         let mut reader = inotify::Reader::new(&self.inotify, &mut buf);
-        let mut of_this_read = 0;
         for _ in 0..MOST_REPORTS {
             match reader.next() {
                 Ok(event) => state.record_event(event.wd(), event.events()),
                 Err(Errno::AGAIN) => return Ok(()),
-                Err(Errno::INTR) => continue,
+                Err(Errno::INTR) => {}
                 Err(errno) => return Err(PortErrorKind::call("read")(errno)),
-            }
-            of_this_read += 1;
-            // The reader calls the system once its buffer is used up.
-            if reader.is_buffer_empty() && std::mem::take(&mut of_this_read) < FULL_READ {
-                return Ok(());
             }
         }
         Ok(())
@@ -238,12 +229,7 @@ impl Registration {
             })?;
         let node = Node {
             token: self.token,
-            openers: 0,
-            departed: false,
-            left: false,
-            unsure: false,
-            opened: 0,
-            closed: 0,
+            ..Node::default()
         };
         state.nodes.insert(wd, node);
         self.wd = Some(wd);
@@ -369,16 +355,7 @@ mod tests {
             ("oocc", Departures::Last),
         ] {
             let mut state = State::default();
-            let node = Node {
-                token: 7,
-                openers: 0,
-                departed: false,
-                left: false,
-                unsure: false,
-                opened: 0,
-                closed: 0,
-            };
-            state.nodes.insert(1, node);
+            state.nodes.insert(1, Node::default());
             for report in reports.chars() {
                 let events = match report {
                     'o' => ReadFlags::OPEN,
