@@ -3,8 +3,6 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use rustix::io::Errno;
-
 /// A port could not be opened or used.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {action} {}: {kind}", path.display())]
@@ -120,13 +118,11 @@ impl PortError {
 
 impl PortErrorKind {
     /// Names the call that failed, for use with `map_err`.
-    pub(crate) fn call(call: &'static str) -> impl FnOnce(Errno) -> Self {
-        move |errno| Self::io(call)(errno.into())
-    }
-
-    /// The same for the standard library's errors.
-    pub(crate) fn io(call: &'static str) -> impl FnOnce(io::Error) -> Self {
-        move |reason| Self::System { call, reason }
+    pub(crate) fn call<E: Into<io::Error>>(call: &'static str) -> impl FnOnce(E) -> Self {
+        move |error| Self::System {
+            call,
+            reason: error.into(),
+        }
     }
 }
 

@@ -40,14 +40,14 @@ impl Held {
     /// When another process holds it, or the system refuses.
     pub fn folder(path: &Path) -> Result<Self, PortErrorKind> {
         let held = Self::take(path)?;
-        fs::create_dir(path).map_err(PortErrorKind::io("mkdir"))?;
+        fs::create_dir(path).map_err(PortErrorKind::call("mkdir"))?;
         Ok(held)
     }
 
     fn take(path: &Path) -> Result<Self, PortErrorKind> {
         let place = Place::of(path)?;
         let lock = Lock::take(&place)?;
-        remove(path).map_err(PortErrorKind::io("unlink"))?;
+        remove(path).map_err(PortErrorKind::call("unlink"))?;
         Ok(Self {
             path: path.to_owned(),
             place,

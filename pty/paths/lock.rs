@@ -115,7 +115,7 @@ impl Lock {
         file.set_len(0)
             .and_then(|()| file.rewind())
             .and_then(|()| file.write_all(&record))
-            .map_err(PortErrorKind::io("write"))
+            .map_err(PortErrorKind::call("write"))
     }
 
     /// Removes the file while it is still locked. It is released on drop.

@@ -37,7 +37,7 @@ impl Results {
     /// When they cannot be written, or something else is there.
     pub fn at(path: &Path, marks: &'static [&'static str]) -> Result<Self, PortErrorKind> {
         if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).map_err(PortErrorKind::io("mkdir"))?;
+            fs::create_dir_all(parent).map_err(PortErrorKind::call("mkdir"))?;
         }
         // A link may lead to a stream as well, as /dev/stdout does.
         if let Ok(behind) = fs::metadata(path)
@@ -118,7 +118,9 @@ impl Results {
             To::Place(place) => place,
             To::Stream(stream) => {
                 let mut stream = stream;
-                let written = stream.write_all(bytes).map_err(PortErrorKind::io("write"));
+                let written = stream
+                    .write_all(bytes)
+                    .map_err(PortErrorKind::call("write"));
                 return written.map(|()| None);
             }
         };
@@ -145,7 +147,7 @@ impl Results {
         let is_stream = self.is_stream();
         let file = self.into_log()?;
         if !is_stream {
-            file.set_len(0).map_err(PortErrorKind::io("ftruncate"))?;
+            file.set_len(0).map_err(PortErrorKind::call("ftruncate"))?;
         }
         Ok(file)
     }
@@ -252,7 +254,7 @@ fn open_stream(path: &Path) -> Result<File, PortErrorKind> {
         .write(true)
         .custom_flags(nonblocking.bits().cast_signed())
         .open(path)
-        .map_err(PortErrorKind::io("open"))?;
+        .map_err(PortErrorKind::call("open"))?;
     let flags = rustix::fs::fcntl_getfl(&file).map_err(PortErrorKind::call("fcntl"))?;
     rustix::fs::fcntl_setfl(&file, flags - nonblocking).map_err(PortErrorKind::call("fcntl"))?;
     Ok(file)
