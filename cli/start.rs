@@ -7,6 +7,7 @@ use anyhow::Context as _;
 use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::rig::PortId;
+use rigsim_pty::paths::HeldResults;
 use rigsim_pty::{Counters, Waiter};
 use rigsim_runner::{DevicePlan, RigPlan, Run, RunOptions};
 use rigsim_settings::show_duration;
@@ -19,7 +20,7 @@ use crate::control::{Past, RequestQueue};
 use crate::exit::{Exit, Failure};
 use crate::log::{Log, LogFormat, LogOptions, Words};
 use crate::plan::plan;
-use crate::ready_file::ReadyFile;
+use crate::ready_file;
 use crate::recording::{self, TraceFile};
 use crate::run;
 use crate::scenario_files::Loaded;
@@ -102,7 +103,7 @@ struct Session {
     server: Server,
     log: Log,
     counters: Vec<(PortId, Counters)>,
-    ready_file: Option<ReadyFile>,
+    ready_file: Option<HeldResults>,
     requests: Option<RequestQueue>,
     trace: Option<TraceFile>,
 }
@@ -159,7 +160,7 @@ impl Session {
         let ready_file = args
             .ready_file
             .as_ref()
-            .map(|path| ReadyFile::write(path, &format!("{ready}\n")))
+            .map(|path| ready_file::hold(path, &format!("{ready}\n")))
             .transpose()
             .map_err(Failure::usage)?;
         log.text(match log.options.format {

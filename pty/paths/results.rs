@@ -85,7 +85,10 @@ impl Results {
         let To::Place(place) = &self.to else {
             return Ok(());
         };
-        let lock = Lock::take(place)?;
+        self.remove_locked(place, &Lock::take(place)?)
+    }
+
+    fn remove_locked(&self, place: &Place, lock: &Lock) -> Result<(), PortErrorKind> {
         let removed = match is_earlier(place, &place.name, self.marks) {
             true => unlinkat(&place.dir, &place.name, AtFlags::empty())
                 .map_err(|errno| place.refusal("unlink", errno)),
@@ -103,7 +106,6 @@ impl Results {
         let lock = self.put(bytes)?;
         let held = HeldResults {
             results: self,
-            bytes: bytes.to_vec(),
             lock,
         };
         if let Some(lock) = &held.lock {
@@ -182,26 +184,14 @@ impl Results {
 #[derive(Debug)]
 pub struct HeldResults {
     results: Results,
-    bytes: Vec<u8>,
     lock: Option<Lock>,
 }
 
 impl Drop for HeldResults {
     fn drop(&mut self) {
-        let To::Place(place) = &self.results.to else {
-            return;
-        };
-        let mut found = Vec::new();
-        let read = place.open(&place.name, OFlags::RDONLY).ok().map(|file| {
-            let most = self.bytes.len() as u64 + 1;
-            file.take(most).read_to_end(&mut found)
-        });
-        // Unless something else is there by now.
-        if read.is_some_and(|read| read.is_ok()) && found == self.bytes {
-            let _ = unlinkat(&place.dir, &place.name, AtFlags::empty());
-        }
-        if let Some(lock) = self.lock.take() {
-            lock.remove(place);
+        if let (To::Place(place), Some(lock)) = (&self.results.to, &self.lock) {
+            // What cannot be removed is replaced by the next process.
+            let _ = self.results.remove_locked(place, lock);
         }
     }
 }
