@@ -10,8 +10,6 @@ use rigsim_runner::RunError;
 use rigsim_runner::condition::ExpressionError;
 use rigsim_runner::run::StepError;
 
-use crate::serve::ServeError;
-
 /// Reason for which something could not be done.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -74,21 +72,15 @@ pub enum Error {
     /// The simulation cannot go on.
     #[error("the simulation cannot go on: {0}")]
     Run(#[from] RunError),
-    /// A pseudo-terminal cannot be served.
+    /// A port cannot be opened, read, written or waited for.
     #[error(transparent)]
-    Serve(#[from] ServeError),
+    Port(#[from] PortError),
     /// The thread that serves cannot be started.
     #[error("the thread that serves: {0}")]
     Thread(#[source] io::Error),
     /// The thread that serves has panicked.
     #[error("the thread that serves: it has panicked")]
     Panicked,
-}
-
-impl From<PortError> for Error {
-    fn from(error: PortError) -> Self {
-        Self::Serve(error.into())
-    }
 }
 
 impl From<StepError> for Error {

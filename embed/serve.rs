@@ -24,10 +24,11 @@ use std::time::{Duration, Instant};
 use rigsim_core::SimTime;
 use rigsim_core::line::UART_FIFO;
 use rigsim_core::rig::PortId;
-use rigsim_pty::{Counters, Event, PortError, Waiter, Wake};
+use rigsim_pty::{Counters, Event, Waiter, Wake};
 use rigsim_runner::{Run, RunError};
 
 use crate::clock::Clock;
+use crate::error::Error;
 use crate::served::Served;
 pub use crate::slowness::Stalls;
 use crate::slowness::{RunQueue, Slowness};
@@ -95,18 +96,6 @@ pub enum Ended {
     Timeout,
 }
 
-/// Reason for which serving cannot go on.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ServeError {
-    /// A port cannot be opened, read, written or waited for.
-    #[error(transparent)]
-    Port(#[from] PortError),
-    /// The simulation cannot go on.
-    #[error("the simulation cannot go on: {0}")]
-    Run(#[from] RunError),
-}
-
 /// A run and the ports on which its devices are served.
 pub struct Server {
     run: Run,
@@ -133,7 +122,7 @@ impl Server {
         mut waiter: Waiter,
         begin: Begin,
         speed: f64,
-    ) -> Result<Self, ServeError> {
+    ) -> Result<Self, Error> {
         // Without it Linux may wake us 50 µs late; with it refused, it does.
         let _ = rigsim_pty::sharpen_timers();
         for (token, served) in ports.iter_mut().enumerate() {
@@ -177,7 +166,7 @@ impl Server {
     ///
     /// # Errors
     /// When it cannot be waited for.
-    pub fn watch(&mut self, source: impl std::os::fd::AsFd) -> Result<(), ServeError> {
+    pub fn watch(&mut self, source: impl std::os::fd::AsFd) -> Result<(), Error> {
         Ok(self.waiter.watch(self.watched(), source)?)
     }
 
@@ -185,7 +174,7 @@ impl Server {
     ///
     /// # Errors
     /// When it cannot be waited for.
-    pub fn wake_from(&mut self, source: impl std::os::fd::AsFd) -> Result<(), ServeError> {
+    pub fn wake_from(&mut self, source: impl std::os::fd::AsFd) -> Result<(), Error> {
         Ok(self.waiter.watch(self.waking(), source)?)
     }
 
@@ -216,7 +205,7 @@ impl Server {
     pub fn serve(
         &mut self,
         mut attend: impl FnMut(&mut Run, &mut Clock, bool) -> Result<Wants, RunError>,
-    ) -> Result<Ended, ServeError> {
+    ) -> Result<Ended, Error> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut longest_sleep = LONG_SLEEP;
         let queue = RunQueue::of_this_thread();
@@ -305,7 +294,7 @@ impl Server {
     ///
     /// # Errors
     /// When a port or the simulation fails.
-    pub fn take_the_rest(&mut self) -> Result<bool, ServeError> {
+    pub fn take_the_rest(&mut self) -> Result<bool, Error> {
         for token in 0..self.ports.len() {
             self.take_input(token, true)?;
         }
@@ -323,7 +312,7 @@ impl Server {
     }
 
     /// Hangs ports up whose cable has been pulled, and makes those again whose cable is back.
-    fn update_cables(&mut self) -> Result<(), ServeError> {
+    fn update_cables(&mut self) -> Result<(), Error> {
         for (token, served) in self.ports.iter_mut().enumerate() {
             let pulled = self.run.rig().cable_pulled(served.id);
             if !pulled {
@@ -368,7 +357,7 @@ impl Server {
 
     /// Advances the run to the present, or as far as it comes before ports and signals are due
     /// for a look.
-    fn advance(&mut self) -> Result<(), ServeError> {
+    fn advance(&mut self) -> Result<(), Error> {
         if self.waiting {
             return Ok(());
         }
@@ -409,7 +398,7 @@ impl Server {
 
     /// Advances to the time of what has just been read: now, unless the simulator was stalled so that it
     /// may have come long before. A machine that is too slow has no time to advance for each read.
-    fn catch_up(&mut self) -> Result<(), ServeError> {
+    fn catch_up(&mut self) -> Result<(), Error> {
         let behind = self.behind();
         if !self.waiting && !self.slowness.is_slow() {
             if behind > MOST_LATE {
@@ -426,7 +415,7 @@ impl Server {
 
     /// Takes what a port has to tell, but bytes that wait for a later time only if that has come. What one
     /// poll finds has the time of the first of it: the time that a poll takes is not a pause between bytes.
-    fn take_input(&mut self, token: usize, resumes: bool) -> Result<(), ServeError> {
+    fn take_input(&mut self, token: usize, resumes: bool) -> Result<(), Error> {
         let mut buffer = [0; 4096];
         let Some(served) = self.ports.get_mut(token) else {
             return Ok(());
@@ -486,7 +475,7 @@ impl Server {
     }
 
     /// Hands the client of a port what has arrived for it.
-    fn deliver(&mut self, token: usize) -> Result<(), ServeError> {
+    fn deliver(&mut self, token: usize) -> Result<(), Error> {
         let Some(served) = self.ports.get_mut(token) else {
             return Ok(());
         };
@@ -510,7 +499,7 @@ impl Server {
 
     /// Reads those ports again whose line has room again. What waited for that goes out without a pause,
     /// however late the simulator is.
-    fn resume(&mut self) -> Result<(), ServeError> {
+    fn resume(&mut self) -> Result<(), Error> {
         for token in 0..self.ports.len() {
             if self.may_resume(token) {
                 self.take_input(token, true)?;
@@ -526,7 +515,7 @@ impl Server {
 
     /// Passes on how clients have set their ends of lines on which bytes move until `to`.
     /// The system reports no change of them.
-    fn set_lines(&mut self, to: SimTime) -> Result<(), ServeError> {
+    fn set_lines(&mut self, to: SimTime) -> Result<(), Error> {
         for token in 0..self.ports.len() {
             let served = &self.ports[token];
             if served.is_attached() && self.run.rig().is_due(served.id, to) {
@@ -537,7 +526,7 @@ impl Server {
     }
 
     /// Passes on how the client of a port has set its end.
-    fn set_line(&mut self, token: usize) -> Result<(), ServeError> {
+    fn set_line(&mut self, token: usize) -> Result<(), Error> {
         let served = &self.ports[token];
         if let Some(port) = &served.port
             && let Some(line) = port.client_line()?

@@ -73,7 +73,7 @@ impl PtySetup {
 pub(crate) struct Pair {
     master: OwnedFd,
     slave: PathBuf,
-    setup: PtySetup,
+    pub(crate) setup: PtySetup,
     defaults: Termios,
 }
 
@@ -141,11 +141,6 @@ impl Pair {
         }
         let _ = pair.forget_happened()?;
         Ok(pair)
-    }
-
-    /// Another one like this.
-    pub(crate) fn again(&self) -> Result<Self, PortErrorKind> {
-        Self::open(self.setup)
     }
 
     /// The node that clients open.
@@ -263,14 +258,14 @@ impl Pair {
         for visit in 0..MOST_VISITS {
             self.restore_settings()?;
             let Some(slave) = self.look_in()? else {
-                return Ok((self.is_taken()?, visit));
+                return Ok((!self.is_hung_up()?, visit));
             };
             // Settings first, since those that end suspension by XOFF do so only while nothing else
             // suspends.
             self.set_permissions(&slave)?;
             restore_end(&slave)?;
             drop(slave);
-            if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
+            if is_same(&self.settings()?, &self.defaults) || !self.is_hung_up()? {
                 return Ok((true, visit + 1));
             }
         }
@@ -312,7 +307,7 @@ impl Pair {
     /// at the same time. So they are not written without need, and whether a client has come is
     /// asked at the last moment.
     fn restore_settings(&self) -> Result<(), PortErrorKind> {
-        if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
+        if is_same(&self.settings()?, &self.defaults) || !self.is_hung_up()? {
             return Ok(());
         }
         self.write_defaults()
@@ -326,10 +321,6 @@ impl Pair {
     /// The settings of the client's end.
     pub(crate) fn settings(&self) -> Result<Termios, PortErrorKind> {
         tcgetattr(&self.master).map_err(PortErrorKind::call("tcgetattr"))
-    }
-
-    fn is_taken(&self) -> Result<bool, PortErrorKind> {
-        Ok(!self.is_hung_up()?)
     }
 
     fn set_permissions(&self, slave: &OwnedFd) -> Result<(), PortErrorKind> {

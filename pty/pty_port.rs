@@ -365,7 +365,7 @@ impl PtyPort {
     /// What the next client cannot use, for this process may not undo what was done to it, is
     /// replaced by another, to which the link is turned atomically.
     fn recreate(&mut self) -> Result<(), PortErrorKind> {
-        let pair = self.pair.again()?;
+        let pair = Pair::open(self.pair.setup)?;
         self.watches_room = false;
         // Before a client can open it, so that none comes and leaves unseen.
         if let Some(registration) = &mut self.registration {
