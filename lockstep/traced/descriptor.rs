@@ -34,7 +34,7 @@ pub(crate) struct Descriptor {
 
 /// What a file is.
 pub(crate) struct Status {
-    kind: FileType,
+    pub(crate) kind: FileType,
     /// The device that it is, if it is one; of an open `/dev/tty`, the terminal to which that leads.
     pub(crate) device: u64,
     /// Its file system, and its number there.
@@ -94,13 +94,9 @@ impl Descriptor {
         })
     }
 
-    pub(crate) fn kind(&self) -> FileType {
-        self.status.kind
-    }
-
     /// Never waits: files, and devices without end.
     pub(crate) fn never_waits(&self) -> bool {
-        match self.kind() {
+        match self.status.kind {
             FileType::RegularFile | FileType::Directory | FileType::BlockDevice => true,
             // /dev/mem, null, zero, full and the like.
             FileType::CharacterDevice => rustix::fs::major(self.status.device) == 1,
@@ -109,26 +105,14 @@ impl Descriptor {
     }
 
     pub(crate) fn is_random(&self) -> bool {
-        self.kind().is_char_device()
+        self.status.kind.is_char_device()
             && rustix::fs::major(self.status.device) == 1
             && matches!(rustix::fs::minor(self.status.device), 8 | 9)
     }
 
-    pub(crate) fn inode(&self) -> (u64, u64) {
-        self.status.inode
-    }
-
-    pub(crate) fn is_pipe(&self) -> bool {
-        self.kind().is_fifo()
-    }
-
-    pub(crate) fn is_socket(&self) -> bool {
-        self.kind().is_socket()
-    }
-
     /// An event counter, a timer, and others that have no file.
     pub(crate) fn is_anonymous(&self) -> bool {
-        self.kind() == FileType::Unknown
+        self.status.kind == FileType::Unknown
     }
 
     pub(crate) fn is_nonblocking(&self) -> bool {
@@ -173,7 +157,7 @@ impl Descriptor {
         let is_stream =
             || rustix::net::sockopt::socket_type(&self.file) == Ok(rustix::net::SocketType::STREAM);
         let most = rustix::pipe::PIPE_BUF as u64;
-        length > most && (self.is_pipe() || self.is_socket() && is_stream())
+        length > most && (self.status.kind.is_fifo() || self.status.kind.is_socket() && is_stream())
     }
 
     pub(crate) fn is_unix_datagram(&self) -> bool {

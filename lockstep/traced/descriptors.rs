@@ -53,7 +53,7 @@ impl Tracer<'_> {
         let descriptor = file.and_then(Descriptor::new).map(Rc::new);
         if let Some(one) = descriptor
             .as_ref()
-            .filter(|one| one.kind().is_char_device())
+            .filter(|one| one.status.kind.is_char_device())
         {
             self.descriptors.ports_used.set(true);
             if let Some(index) = self.port_of(one).filter(|_| one.is_tty) {
@@ -82,7 +82,7 @@ impl Tracer<'_> {
     }
 
     pub(crate) fn port_of(&self, descriptor: &Descriptor) -> Option<usize> {
-        if !descriptor.kind().is_char_device() {
+        if !descriptor.status.kind.is_char_device() {
             return None;
         }
         let device = descriptor.status.device;

@@ -59,9 +59,9 @@ impl Tracer<'_> {
         // A sender of a part gets no SIGPIPE.
         let silent = given | u64::from(libc::MSG_NOSIGNAL.unsigned_abs());
         let of_part = match call {
-            Syscall::Sendfile if of.is_socket() => whole,
+            Syscall::Sendfile if of.status.kind.is_socket() => whole,
             Syscall::Write | Syscall::Writev | Syscall::Sendto | Syscall::Sendmsg => {
-                match of.is_socket() {
+                match of.status.kind.is_socket() {
                     true => part(libc::SYS_sendto, silent),
                     false => part(libc::SYS_write, 0),
                 }

@@ -81,7 +81,7 @@ impl Lists {
     }
 
     pub(crate) fn has(&self, descriptor: &Descriptor) -> bool {
-        let inode = descriptor.inode();
+        let inode = descriptor.status.inode;
         self.0.iter().any(|list| list.inode == inode)
     }
 
@@ -93,7 +93,7 @@ impl Lists {
         parts: &[(u64, u64)],
         place: Option<u64>,
     ) -> Result<Option<Handling>, Halt> {
-        let inode = descriptor.inode();
+        let inode = descriptor.status.inode;
         let Some(list) = self.0.iter_mut().find(|list| list.inode == inode) else {
             return Ok(None);
         };

@@ -113,7 +113,7 @@ impl Tracer<'_> {
             return None;
         }
         let descriptor = self.descriptor(process, int(fd))?;
-        let (device, inode) = descriptor.inode();
+        let (device, inode) = descriptor.status.inode;
         let [major, minor] = [rustix::fs::major(device), rustix::fs::minor(device)];
         let place = format!("{major:02x}:{minor:02x}:{inode}");
         // As "1: FLOCK ADVISORY WRITE 123 08:01:456 0 EOF", behind "->" if it waits.
@@ -145,10 +145,10 @@ impl Tracer<'_> {
     }
 
     fn outside_name(&self, descriptor: &Descriptor, flags: PollFlags) -> Option<String> {
-        if descriptor.is_socket() {
+        if descriptor.status.kind.is_socket() {
             return self.peer(descriptor);
         }
-        if descriptor.is_pipe() {
+        if descriptor.status.kind.is_fifo() {
             let other = if flags.contains(PollFlags::OUT) {
                 libc::O_RDONLY
             } else {
@@ -159,11 +159,11 @@ impl Tracer<'_> {
                     info_of(pid, fd, "flags:").and_then(|text| i32::from_str_radix(&text, 8).ok());
                 mode.is_some_and(|mode| [other, libc::O_RDWR].contains(&(mode & libc::O_ACCMODE)))
                     && Status::of_process(pid, fd)
-                        .is_some_and(|one| one.inode == descriptor.inode())
+                        .is_some_and(|one| one.inode == descriptor.status.inode)
             });
             return if is_held { None } else { descriptor.path() };
         }
-        if !descriptor.kind().is_char_device()
+        if !descriptor.status.kind.is_char_device()
             || descriptor.never_waits()
             || self.port_of(descriptor).is_some()
         {
@@ -209,7 +209,7 @@ impl Tracer<'_> {
     ) -> Result<(), Halt> {
         let Entry { tid, call, a, .. } = entry;
         let (address, length) = destination(tid, call, a)?;
-        if address == 0 || !descriptor.is_socket() {
+        if address == 0 || !descriptor.status.kind.is_socket() {
             return Ok(());
         }
         let Some(address) = read_address(tid, address, length)? else {
@@ -219,7 +219,9 @@ impl Tracer<'_> {
         let is_group = ip.is_multicast() || ip == IpAddr::from([255; 4]) || ip.is_unspecified();
         // Only an address of this machine can be bound to.
         if !is_group && !ip.is_loopback() && UdpSocket::bind((ip, 0)).is_err() {
-            self.descriptors.outside_sockets.insert(descriptor.inode());
+            self.descriptors
+                .outside_sockets
+                .insert(descriptor.status.inode);
         }
         Ok(())
     }
@@ -273,7 +275,7 @@ impl Tracer<'_> {
             // A socket that has sent to others without a connection, as to a group, may get answers from them.
             None => {
                 let known = &self.descriptors.outside_sockets;
-                let is_known = known.contains(&descriptor.inode());
+                let is_known = known.contains(&descriptor.status.inode);
                 is_known.then(|| format!("{word} {own}"))
             }
         }

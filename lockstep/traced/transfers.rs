@@ -83,7 +83,7 @@ impl Tracer<'_> {
         }
         if descriptor.never_waits() && !is_queue(call) {
             let is_write = matches!(call, Syscall::Write | Syscall::Writev);
-            if is_write && self.descriptors.output == Some(descriptor.inode()) {
+            if is_write && self.descriptors.output == Some(descriptor.status.inode) {
                 self.report.written += whole_length(&parts(entry)?);
             }
             return Ok(Handling::Make);
@@ -175,7 +175,7 @@ impl Tracer<'_> {
             Syscall::Sendfile | Syscall::MqTimedsend => (PollFlags::OUT, 0, 0),
             _ => (PollFlags::IN, 0, 0),
         };
-        if flags == PollFlags::OUT && descriptor.is_socket() {
+        if flags == PollFlags::OUT && descriptor.status.kind.is_socket() {
             // Otherwise the system delays small messages, by its own clock. Only TCP accepts this.
             let _ = set_tcp_nodelay(&descriptor.file, true);
         }
@@ -194,7 +194,7 @@ impl Tracer<'_> {
         let mut deadline = None;
         if is_queue(call) && a[4] != 0 {
             deadline = self.deadline_at(tid, a[4], Some(libc::CLOCK_REALTIME))?;
-        } else if descriptor.is_socket() {
+        } else if descriptor.status.kind.is_socket() {
             let which = match flags {
                 PollFlags::OUT => Timeout::Send,
                 _ => Timeout::Recv,
