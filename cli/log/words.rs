@@ -4,33 +4,19 @@ use std::io::{self, Write};
 
 use anstyle::{AnsiColor, Style};
 use rigsim_core::event::{Event, Hex, Level, Role};
-use rigsim_runner::RigPlan;
+use rigsim_runner::{DevicePlan, RigPlan};
 use serde_json::{Value, json};
 
 use crate::visible;
 
-/// Names of a device and its links.
+/// Puts events of these devices into words.
 #[derive(Debug, Clone)]
-struct DeviceName {
-    name: String,
-    links: Vec<&'static str>,
-}
-
-/// Puts events into words; what the devices are called, by index.
-#[derive(Debug, Clone)]
-pub(crate) struct Words(Vec<DeviceName>);
+pub(crate) struct Words(Vec<DevicePlan>);
 
 impl Words {
     /// For the devices of a rig.
     pub(crate) fn new(rig: &RigPlan) -> Self {
-        let links = |device: &rigsim_runner::DevicePlan| {
-            device.device.links.iter().take(device.ports.len())
-        };
-        let name = |device: &rigsim_runner::DevicePlan| DeviceName {
-            name: device.name.clone(),
-            links: links(device).map(|link| link.name).collect(),
-        };
-        Self(rig.devices.iter().map(name).collect())
+        Self(rig.devices.clone())
     }
 
     /// A line for people; `repeats` like it were left out before it.
@@ -72,14 +58,18 @@ impl Words {
             return "?".to_owned();
         };
         match self.link(event) {
-            Some(link) if device.links.len() > 1 => format!("{}/{link}", device.name),
+            Some(link) if device.ports.len() > 1 => format!("{}/{link}", device.name),
             _ => device.name.clone(),
         }
     }
 
     fn link(&self, event: &Event) -> Option<&'static str> {
         let device = self.0.get(event.device)?;
-        device.links.get(event.kind.link()?).copied()
+        let index = event
+            .kind
+            .link()
+            .filter(|link| *link < device.ports.len())?;
+        Some(device.device.links.get(index)?.name)
     }
 
     /// The same for programs.
