@@ -1,8 +1,9 @@
 //! The file in which a client that `sim run` starts publishes numbers.
 
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, Read as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rigsim_runner::run::MOST_LINE;
 use rigsim_runner::{Run, RunError};
@@ -17,30 +18,25 @@ const AT_ONCE: u64 = 1 << 16;
 /// at once, in every kind of time.
 pub(crate) struct Published {
     file: io::Take<File>,
-    path: PathBuf,
     /// Beginning of a line that has not come to its end.
     line: Vec<u8>,
 }
 
 impl Published {
-    /// Variable in which the client finds its path.
-    pub(crate) const VARIABLE: &'static str = "SIM_PUBLISH";
-
-    /// An empty one in this folder.
-    pub(crate) fn create(folder: &Path) -> io::Result<Self> {
+    /// An empty one in this folder, of which the client learns from its environment.
+    pub(crate) fn create(
+        folder: &Path,
+        environment: &mut Vec<(String, OsString)>,
+    ) -> io::Result<Self> {
         let path = folder.join("publish");
         let mut options = File::options();
         let file = options.create(true).truncate(true).read(true).write(true);
+        let file = file.open(&path)?.take(MOST);
+        environment.push(("SIM_PUBLISH".to_owned(), path.into()));
         Ok(Self {
-            file: file.open(&path)?.take(MOST),
-            path,
+            file,
             line: Vec::new(),
         })
-    }
-
-    /// Its path.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
     }
 
     /// Publishes what was written since the last time, dated `at`.

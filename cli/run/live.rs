@@ -49,8 +49,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     .map_err(Failure::system)?;
     let shown = ShownPort::all(&ports, &case.loaded.scenario.rig);
     let mut environment = environment(case, &shown)?;
-    let published = Published::create(folder.path()).map_err(Failure::system)?;
-    environment.push((Published::VARIABLE.to_owned(), published.path().into()));
+    let published = Published::create(folder.path(), &mut environment).map_err(Failure::system)?;
     let requests = case.requests(&run, shown, &mut environment)?;
     let output = case.client_output().map_err(Failure::system)?;
     let written = output.try_clone();

@@ -47,8 +47,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     let (shown, mut ports) = open_ports(case, &folder)?;
     let ids = shown.iter().map(|port| port.link.id).collect();
     let mut environment = super::live::environment(case, &shown)?;
-    let published = Published::create(folder.path()).map_err(Failure::system)?;
-    environment.push((Published::VARIABLE.to_owned(), published.path().into()));
+    let published = Published::create(folder.path(), &mut environment).map_err(Failure::system)?;
     let requests = case.requests(&run, shown, &mut environment)?;
     let output = case.client_output().map_err(Failure::system)?;
     let program = Program {
