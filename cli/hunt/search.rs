@@ -6,7 +6,6 @@ use anyhow::{Error, anyhow};
 use indicatif::ProgressBar;
 use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
-use rigsim_core::line::Wire;
 use rigsim_core::noise::Noise;
 use rigsim_runner::RunOptions;
 use serde::Serialize;
@@ -245,10 +244,8 @@ impl Hunt<'_> {
     /// Returns whether the devices of the job can have a fault. It asks running devices, which refuse some faults.
     fn can_have(&self, fault: Fault) -> bool {
         let options = RunOptions {
-            seed: self.player.seed,
-            wire: Wire::Paced,
             live: true,
-            trace: false,
+            ..RunOptions::scripted(self.player.seed)
         };
         let text = self.frame.document(&[fault]);
         let run = self

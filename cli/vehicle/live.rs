@@ -9,7 +9,6 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, Sender as Channel, bounded};
 use rigsim_core::SimTime;
 use rigsim_core::device::host::{FrameReader, Sender};
 use rigsim_core::event::{EventKind, code};
-use rigsim_core::line::Wire;
 use rigsim_embed::clock::Clock;
 use rigsim_embed::ports::ShownPort;
 use rigsim_runner::run::RunOptions;
@@ -61,22 +60,15 @@ impl Live {
         });
         let ports: Vec<ShownPort> = ports.collect();
         let planned = &plan.devices[0];
-        let reader = |device_settings, link| {
-            (planned.device.host.frames)(link, Sender::Device, device_settings)
-        };
-        let device_settings = planned.own_settings();
-        let readers = device_settings.map(|device_settings| {
-            (0..ports.len())
-                .map(|link| reader(device_settings, link))
-                .collect()
+        let readers = planned.own_settings().map(|settings| {
+            let reader = |link| (planned.device.host.frames)(link, Sender::Device, settings);
+            (0..ports.len()).map(reader).collect()
         });
         let readers = readers.unwrap_or_default();
         let loaded = Loaded::serving(plan, PathBuf::new(), None)?;
         let mut run = loaded.run(RunOptions {
-            seed: 0,
-            wire: Wire::Paced,
             live: true,
-            trace: false,
+            ..RunOptions::scripted(0)
         })?;
         run.stand_in();
         let requests = RequestQueue::open(listen, loaded.beginning(), &run, ports)?;
