@@ -239,15 +239,6 @@ fn command(devices: Devices) -> clap::Command {
     let mut command = Cli::command()
         .mut_arg("device", device)
         .mut_arg("start", |arg| arg.value_parser(starts))
-        .mut_subcommand("config", |sub| {
-            sub.mut_arg("device", |arg| arg.value_parser(kinds()))
-        })
-        .mut_subcommand("faults", |sub| {
-            sub.mut_arg("device", |arg| arg.value_parser(kinds()))
-        })
-        .mut_subcommand("tap", |sub| sub.mut_arg("device", device))
-        .mut_subcommand("fit", |sub| sub.mut_arg("device", device))
-        .mut_subcommand("names", |sub| sub.mut_arg("device", device))
         .mut_subcommand("schema", |sub| {
             let files = FileKind::value_variants().iter();
             let files = files.filter_map(|kind| kind.to_possible_value());
@@ -259,6 +250,14 @@ fn command(devices: Devices) -> clap::Command {
             let all = PossibleValuesParser::new(all.collect::<Vec<_>>());
             sub.mut_arg("of", |arg| arg.value_parser(all))
         });
+    for name in ["config", "faults"] {
+        command = command.mut_subcommand(name, |sub| {
+            sub.mut_arg("device", |arg| arg.value_parser(kinds()))
+        });
+    }
+    for name in ["tap", "fit", "names"] {
+        command = command.mut_subcommand(name, |sub| sub.mut_arg("device", device));
+    }
     for (spec, link) in optional_links(devices) {
         let costs = link.optional.unwrap_or_default();
         let help = format!(
