@@ -19,7 +19,7 @@ use rigsim_core::SimTime;
 use rigsim_embed::ports::{ShownPort, open_all};
 use rigsim_embed::serve::{Begin, Ended, Server};
 use rigsim_pty::PtySetup;
-use rigsim_runner::{PlannedLink, Scenario};
+use rigsim_runner::Scenario;
 
 use super::case::{Case, CaseResult, PlayedClient};
 use super::folder;
@@ -124,11 +124,9 @@ pub(crate) fn environment(
     }
     // The first of each kind also by its kind, for clients that know one vehicle, whatever its name.
     for port in ports {
-        let plan = &case.loaded.scenario.rig.devices[port.link.id.device];
-        let of_kind = PlannedLink {
-            device: plan.device.id.to_owned(),
-            ..port.link.clone()
-        };
+        let mut of_kind = port.link.clone();
+        let plan = &case.loaded.scenario.rig.devices[of_kind.id.device];
+        plan.device.id.clone_into(&mut of_kind.device);
         let variable = of_kind.variable();
         if !environment.iter().any(|(other, _)| *other == variable) {
             environment.push((variable, absolute(&port.path)?.into()));

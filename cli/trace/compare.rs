@@ -3,8 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::anyhow;
-use rigsim_core::SimTime;
 use rigsim_core::event::Event;
 use rigsim_runner::Run;
 use rigsim_runner::trace::Observer;
@@ -38,7 +36,7 @@ pub(super) fn compare(
                 "{} has more than {MOST_EVENTS} events, too many to compare; choose some with --from, \
                  --until or --device",
                 visible::name(path)
-            )));
+            );
         }
         Ok((events, exit(played)?))
     };
@@ -96,23 +94,23 @@ impl Begun {
     }
 }
 
-/// An event, as far as it is compared.
+/// An event, and its line in the log.
 struct Happened {
-    at: SimTime,
-    device: usize,
-    code: &'static str,
-    text: String,
-    bytes: Option<Vec<u8>>,
+    event: Event,
     line: String,
 }
 
 impl Happened {
     fn is_same(&self, other: &Self, within: Duration) -> bool {
-        let apart = self.at.max(other.at).since(self.at.min(other.at));
-        let what = |one: &Self| (one.device, one.code);
+        let (one, other) = (&self.event, &other.event);
+        let apart = one.at.max(other.at).since(one.at.min(other.at));
         // Words may tell times.
-        let words = !within.is_zero() || self.text == other.text;
-        what(self) == what(other) && self.bytes == other.bytes && words && apart <= within
+        let words = !within.is_zero() || one.kind.to_string() == other.kind.to_string();
+        one.device == other.device
+            && one.kind.code() == other.kind.code()
+            && one.kind.bytes() == other.kind.bytes()
+            && words
+            && apart <= within
     }
 }
 
@@ -170,11 +168,7 @@ impl Observer for Events {
             return;
         }
         self.happened.push(Happened {
-            at: event.at,
-            device: event.device,
-            code: event.kind.code().name,
-            text: event.kind.to_string(),
-            bytes: event.kind.bytes().map(<[u8]>::to_vec),
+            event: event.clone(),
             line: self.words.plain(event),
         });
     }
