@@ -12,7 +12,7 @@ use rigsim_settings::{
 };
 
 use crate::args::SettingsArgs;
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::patient_file::PatientFile;
 use crate::print::print;
 use crate::visible;
@@ -66,8 +66,7 @@ pub(crate) fn read(path: &Path, what: &str) -> Result<String, Failure> {
         .with_context(|| format!("cannot read the {what} {shown}"))
         .map_err(Failure::usage)?;
     if text.len() as u64 > MOST_BYTES {
-        let why = anyhow!("the {what} {shown} is too long; 1 MiB is allowed");
-        return Err(Failure::usage(why));
+        refuse!("the {what} {shown} is too long; 1 MiB is allowed");
     }
     Ok(text)
 }

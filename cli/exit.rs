@@ -55,3 +55,11 @@ impl Failure {
         }
     }
 }
+
+/// Returns an error of usage with these words.
+macro_rules! refuse {
+    ($($words:tt)*) => {
+        return Err($crate::exit::Failure::usage(anyhow::anyhow!($($words)*)))
+    };
+}
+pub(crate) use refuse;

@@ -13,7 +13,7 @@ mod space;
 
 use std::ffi::OsString;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use clap::{Args as _, FromArgMatches as _};
 use indicatif::ProgressBar;
 use rigsim_core::device::Devices;
@@ -23,7 +23,7 @@ use rigsim_settings::nearest;
 
 use crate::args::{GivenArgs, HuntArgs, RunArgs, StageArg, again};
 use crate::config;
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::scenario_files::{Given, find, load_all};
 use crate::visible;
 
@@ -37,9 +37,7 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
     if let Some(unknown) = args.faults.iter().find(|id| !known.contains(&id.as_str())) {
         let near = nearest(unknown, known);
         let hint = near.map_or_else(String::new, |near| format!(", did you mean {near}?"));
-        return Err(Failure::usage(anyhow!(
-            "--faults: there is no fault or action {unknown}{hint}; `sim faults` lists them"
-        )));
+        refuse!("--faults: there is no fault or action {unknown}{hint}; `sim faults` lists them");
     }
     let none = GivenArgs::default();
     let base = config::load_file(devices, &args.settings)?;
@@ -58,9 +56,9 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
     }
     let begins = |stage: &StageArg| matches!(stage, StageArg::Single | StageArg::Random);
     if !args.stages.is_empty() && !args.stages.iter().any(begins) {
-        return Err(Failure::usage(anyhow!(
+        refuse!(
             "--stages: the stage further goes on from schedules of others; add single or random"
-        )));
+        );
     }
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.map_or_else(cores, |threads| threads as usize);

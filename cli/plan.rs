@@ -14,7 +14,7 @@ use rigsim_settings::Source;
 
 use crate::args::ServeArgs;
 use crate::config;
-use crate::exit::Failure;
+use crate::exit::{Failure, refuse};
 use crate::scenario_files::{self, Given, Loaded};
 use crate::visible;
 
@@ -44,7 +44,7 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
     let scenario = Arc::make_mut(&mut loaded.scenario);
     gather_ptys(&mut scenario.rig, args);
     let Some(first) = scenario.rig.devices.first_mut() else {
-        return Err(Failure::usage(anyhow!("the scenario has no device")));
+        refuse!("the scenario has no device");
     };
     // A flag is relative to where it was typed, a file's path to the file.
     if let Some(pty) = args.port() {
@@ -53,9 +53,7 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
     for (id, pty) in &args.link_ptys {
         let link = first.device.link(id).unwrap_or(usize::MAX);
         let Some(port) = first.ports.get_mut(link) else {
-            return Err(Failure::usage(anyhow!(
-                "--{id}-pty: the scenario's first device has no such link"
-            )));
+            refuse!("--{id}-pty: the scenario's first device has no such link");
         };
         *port = Some(absolute(pty)?);
     }
@@ -102,12 +100,12 @@ fn gather_ptys(rig: &mut RigPlan, args: &ServeArgs) {
 
 fn from_flags(devices: Devices, args: &ServeArgs) -> Result<RigPlan, Failure> {
     if args.port().is_none() && args.serial.is_none() {
-        return Err(Failure::usage(anyhow!(
+        refuse!(
             "say where to serve: --pty PATH for a pseudo-terminal, as in `sim --pty /tmp/r150`, \
              --listen URL for the network, --serial DEVICE for a real serial port, or --rig FILE for \
              several devices \
              (`sim --help` shows more)"
-        )));
+        );
     }
     let find = || devices.iter().find(|device| device.id == args.device);
     let spec: &'static DeviceSpec =
@@ -123,7 +121,7 @@ fn from_flags(devices: Devices, args: &ServeArgs) -> Result<RigPlan, Failure> {
         let Some(link) = spec.link(id) else {
             let able = able(&|device| device.link(id).is_some());
             let why = format!("--{id}-pty: {} has no such link: add {able}", spec.title);
-            return Err(Failure::usage(anyhow!(why)));
+            refuse!(why);
         };
         ports.resize(ports.len().max(link + 1), None);
         ports[link] = Some(pty.clone());

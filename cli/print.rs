@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow};
 use rigsim_pty::paths::Results;
 
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::visible;
 
 /// Prints a line, or several; the end of the reader is not a failure.
@@ -59,8 +59,7 @@ pub(crate) fn refuse_same_file<const N: usize>(
             .as_ref()
             .and_then(|path| std::path::absolute(path).ok());
         if let Some(other) = path.and_then(|path| named.insert(path, flag)) {
-            let why = anyhow!("{other} and {flag} name the same file");
-            return Err(Failure::usage(why));
+            refuse!("{other} and {flag} name the same file");
         }
     }
     Ok(())

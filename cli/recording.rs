@@ -17,7 +17,7 @@ use rigsim_runner::Run;
 use rigsim_runner::trace::{Header, Observer, Record, Replay, ReplayError, Timed};
 use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::patient_file::PatientFile;
 use crate::print::{complain, print};
 use crate::visible;
@@ -69,7 +69,7 @@ impl TraceFile {
     pub(crate) fn begin(path: PathBuf, header: Header) -> Result<Self, Failure> {
         if std::fs::metadata(&path).is_ok_and(|about| about.is_file() && about.len() > 0) {
             let why = "is there already, and is left alone; name another --trace or remove it";
-            return Err(Failure::usage(anyhow!("{} {why}", visible::name(&path))));
+            refuse!("{} {why}", visible::name(&path));
         }
         let mut trace = Self::create(path).map_err(Failure::usage)?;
         trace.record(&Record::Header(Box::new(header)));
@@ -193,8 +193,7 @@ impl<'a> Lines<'a> {
             }
         })?;
         if read as u64 > MOST_LINE {
-            let why = anyhow!("{shown} is not a trace: a line of it is too long");
-            return Err(Failure::usage(why));
+            refuse!("{shown} is not a trace: a line of it is too long");
         }
         let line = self.line.trim_end_matches(['\r', '\n']);
         Ok((read > 0).then_some(line))
@@ -288,8 +287,7 @@ pub(crate) fn until(
     let (mut run, open, is_there) = part(devices, path, at, Some(observer))?;
     if !is_there || run.finished().is_some() {
         let (path, now) = (visible::name(path), run.rig().now());
-        let why = anyhow!("--until: {path} ends at {now}; give an earlier time");
-        return Err(Failure::usage(why));
+        refuse!("--until: {path} ends at {now}; give an earlier time");
     }
     for port in open {
         run.detach(port, at).map_err(Failure::system)?;

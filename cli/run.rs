@@ -29,7 +29,7 @@ use rigsim_runner::Scenario;
 
 use crate::args::{ExitArg, GivenArgs, RunArgs, Shard, TimeArg};
 use crate::config;
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::print::{complain, print, progress, refuse_same_file};
 use crate::scenario_files::{Given, Loaded, find, load_all};
 use crate::supervise::adopt_orphans;
@@ -66,10 +66,10 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         });
     }
     if loaded.is_empty() {
-        return Err(Failure::usage(anyhow!(
+        refuse!(
             "no scenario there has the tag {}: nothing to run",
             args.tag.join(" or ")
-        )));
+        );
     }
     if args.list {
         let text: Vec<String> = loaded.iter().map(tell::listed).collect();
@@ -202,9 +202,7 @@ fn leave_out_known<'a>(
 fn check_client(args: &RunArgs) -> Result<(), Failure> {
     let last = std::env::args_os().next_back();
     if args.client.is_empty() && last.is_some_and(|last| last == "--") {
-        return Err(Failure::usage(anyhow!(
-            "no client stands behind `--`; leave `--` out to play the scripts in the files"
-        )));
+        refuse!("no client stands behind `--`; leave `--` out to play the scripts in the files");
     }
     Ok(())
 }
@@ -214,15 +212,13 @@ fn check_time(args: &RunArgs) -> Result<(), Failure> {
     let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
     let is_lockstep = !args.client.is_empty() && args.time == TimeArg::Lockstep;
     if args.speed.is_some() && !is_real {
-        return Err(Failure::usage(anyhow!(
+        refuse!(
             "--speed is for a client with --time real; in simulated time a scenario takes as long as \
              the machine needs"
-        )));
+        );
     }
     if args.twice && !is_lockstep {
-        return Err(Failure::usage(anyhow!(
-            "--twice is for a client with --time lockstep, whose runs are the same each time"
-        )));
+        refuse!("--twice is for a client with --time lockstep, whose runs are the same each time");
     }
     Ok(())
 }
@@ -342,12 +338,12 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
     let mut stems = BTreeMap::new();
     for one in loaded {
         if let Some(other) = stems.insert(one.stem(), &one.path) {
-            return Err(Failure::usage(anyhow!(
+            refuse!(
                 "{} and {} would write the same files for --output or --report; rename one, or run them \
                  apart",
                 visible::name(other),
                 visible::name(&one.path)
-            )));
+            );
         }
     }
     Ok(())
@@ -360,8 +356,7 @@ fn prepare(args: &RunArgs) -> Result<(), Failure> {
         return Ok(());
     };
     if output.exists() && !output.is_dir() {
-        let why = anyhow!("--output {} is not a folder", visible::name(output));
-        return Err(Failure::usage(why));
+        refuse!("--output {} is not a folder", visible::name(output));
     }
     fs::create_dir_all(output)
         .with_context(|| format!("cannot make the folder {}", visible::name(output)))

@@ -17,7 +17,7 @@ use rigsim_runner::{RigPlan, Run, RunOptions, Scenario};
 use crate::args::GivenArgs;
 use crate::config;
 use crate::digest::digest;
-use crate::exit::Failure;
+use crate::exit::{Failure, refuse};
 use crate::print::{complain, words_of_panic};
 use crate::visible;
 
@@ -196,9 +196,7 @@ pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBu
     let mut pending: Vec<PathBuf> = paths.iter().rev().cloned().collect();
     while let Some(path) = pending.pop() {
         if found.len() + pending.len() > MOST_FILES {
-            return Err(Failure::usage(anyhow!(
-                "more than {MOST_FILES} files are named"
-            )));
+            refuse!("more than {MOST_FILES} files are named");
         }
         // Links may lead in circles, and what is named twice is meant once.
         if !fs::canonicalize(&path).is_ok_and(|real| seen.insert(real)) && path.exists() {
@@ -269,10 +267,9 @@ impl<'a> Given<'a> {
             })?;
             if let Some((_, before)) = parameters.iter().find(|(known, _)| known == name) {
                 let both = format!("{},{values}", before.join(","));
-                let why = anyhow!(
+                refuse!(
                     "--param {name} is given twice; for a case of each value: --param {name}={both}"
                 );
-                return Err(Failure::usage(why));
             }
             let values = values.split(',').map(str::to_owned).collect();
             parameters.push((name.to_owned(), values));
@@ -399,8 +396,7 @@ fn load_cases(
         };
         cases = cases.iter().flat_map(with).collect();
         if cases.len() > MOST_CASES {
-            let why = anyhow!("{MOST_CASES} combinations of parameters are the most of one file");
-            return Err(Failure::usage(why));
+            refuse!("{MOST_CASES} combinations of parameters are the most of one file");
         }
     }
     let cases = cases.iter();

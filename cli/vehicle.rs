@@ -25,7 +25,7 @@ use rigsim_runner::scenario::ScenarioText;
 use rigsim_runner::trace::{FORMAT, Header, Record};
 
 use crate::config;
-use crate::exit::Failure;
+use crate::exit::{Failure, refuse};
 use crate::plan::of_device;
 use crate::recording::OF_VEHICLE;
 
@@ -44,8 +44,7 @@ fn plan_of(
             1 => "one link".to_owned(),
             most => format!("1 to {most} links"),
         };
-        let why = anyhow!("{} has {some}, not {links}", device.title);
-        return Err(Failure::usage(why));
+        refuse!("{} has {some}, not {links}", device.title);
     }
     Ok(of_device(device, 0, settings, vec![None; links]))
 }

@@ -14,7 +14,7 @@ use rigsim_settings::Span;
 use serde_json::{Map, Value, json};
 
 use super::session::Session;
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::print::{complain, print, written};
 use crate::visible;
 
@@ -210,7 +210,7 @@ pub(crate) fn run(args: &CtlArgs) -> Result<Exit, Failure> {
     let client = Client::new(&url).map_err(Failure::usage)?;
     if args.device.is_some() && matches!(args.does, Does::Get { .. } | Does::Events { .. }) {
         let why = "--device is for steps; a name begins with its device, as in r150.truth.x_m";
-        return Err(Failure::usage(anyhow!(why)));
+        refuse!(why);
     }
     match &args.does {
         Does::Fault {
@@ -397,7 +397,7 @@ fn pairs(parts: &[String]) -> Result<Map<String, Value>, Failure> {
             .is_some()
         {
             let name = visible::line(name);
-            return Err(Failure::usage(anyhow!("{name} is given twice")));
+            refuse!("{name} is given twice");
         }
     }
     Ok(table)

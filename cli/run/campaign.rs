@@ -14,7 +14,7 @@ use std::path::Path;
 use anyhow::{Context as _, anyhow};
 
 use crate::args::{MergeArgs, Shard};
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::print::{OutputFile, complain, print, refuse_same_file};
 use crate::run::case::Verdict;
 use crate::run::{junit, page};
@@ -40,8 +40,7 @@ pub(crate) fn resume(folder: &Path, shard: Shard, plan: Plan) -> Result<(Results
     let earlier = Merged::read(&paths, Some((&plan, shard.index)));
     if !earlier.refused.is_empty() {
         let (why, folder) = (earlier.refused.join("\n"), visible::name(folder));
-        let why = anyhow!("{why}\nTake another folder than {folder}, or remove it");
-        return Err(Failure::usage(why));
+        refuse!("{why}\nTake another folder than {folder}, or remove it");
     }
     Ok((Results::begin(folder, shard, plan)?, earlier.verdicts()))
 }

@@ -4,13 +4,13 @@ use std::ffi::OsString;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use rigsim_pty::Waiter;
 
 use crate::attendant::LogAttendant;
 use crate::client::{Client, Written};
 use crate::control::RequestQueue;
-use crate::exit::Failure;
+use crate::exit::{Failure, refuse};
 use crate::plan::absolute;
 use crate::published::Published;
 use crate::supervise::ClientEnd;
@@ -77,9 +77,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     let (ended, client) = play.play(case).map_err(Failure::system)?;
     if let ClientEnd::NotStarted(why) = &client.end {
         let shown = visible::name(&case.args.client[0]);
-        return Err(Failure::usage(anyhow!(
-            "cannot start the client {shown}: {why}"
-        )));
+        refuse!("cannot start the client {shown}: {why}");
     }
     let stalled = play.server.stalled();
     let run = play.server.run_mut();
@@ -114,11 +112,11 @@ pub(crate) fn environment(
     for port in ports {
         let variable = port.link.variable();
         if environment.iter().any(|(other, _)| *other == variable) {
-            return Err(Failure::usage(anyhow!(
+            refuse!(
                 "{}: two ports would both be found in ${variable}; give the devices names that \
                  differ in more than -, _ and the case of letters",
                 visible::name(&case.loaded.path)
-            )));
+            );
         }
         environment.push((variable, absolute(&port.path)?.into()));
     }

@@ -9,7 +9,7 @@ use rigsim_runner::trace::Observer;
 
 use super::{Part, exit};
 use crate::args::TraceArgs;
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::log::Words;
 use crate::print::print;
 use crate::recording;
@@ -32,7 +32,7 @@ pub(super) fn compare(
     let play = |path: &Path| {
         let (events, played) = recording::view(devices, path, |run| Events::new(args, run))?;
         if events.has_enough() {
-            return Err(Failure::usage(anyhow!(
+            refuse!(
                 "{} has more than {MOST_EVENTS} events, too many to compare; choose some with --from, \
                  --until or --device",
                 visible::name(path)

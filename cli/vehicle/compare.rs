@@ -13,7 +13,7 @@ use super::search::{Findings, Search};
 use super::{page, plan, poses};
 use crate::args::{CompareArgs, FitArgs, PosesArgs, SettingsArgs};
 use crate::config;
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::print::{OutputFile, print};
 use crate::visible;
 
@@ -86,8 +86,7 @@ fn read(
     let read = |path: &PathBuf| Recording::read(devices, path, &settings);
     let mut recordings: Vec<Recording> = paths.iter().map(read).collect::<Result<_, _>>()?;
     if poses.poses.len() > recordings.len() {
-        let why = anyhow!("give --poses once for each recording, in the same order");
-        return Err(Failure::usage(why));
+        refuse!("give --poses once for each recording, in the same order");
     }
     let offset = match &*poses.poses_offset {
         "auto" => None,
@@ -108,16 +107,14 @@ fn read(
         .windows(2)
         .any(|two| two[0].device != two[1].device)
     {
-        return Err(Failure::usage(anyhow!(
-            "the recordings are of different vehicles"
-        )));
+        refuse!("the recordings are of different vehicles");
     }
     let slots: usize = recordings.iter().map(|one| one.slots.len()).sum();
     if slots > MOST_SLOTS {
-        return Err(Failure::usage(anyhow!(
+        refuse!(
             "{slots} requests are recorded, and at most {MOST_SLOTS} are compared at a time: take a part of the recording, \
              such as by `head -n {MOST_SLOTS} drive.jsonl > part.jsonl`"
-        )));
+        );
     }
     Ok(recordings)
 }
@@ -133,9 +130,9 @@ fn search<'a>(
     let all = Knob::all(&base, recordings[0].device.id, &[]);
     let is_unknown = |key: &&String| !all.iter().any(|knob| knob.key.starts_with(&***key));
     if let Some(key) = only.iter().find(is_unknown) {
-        return Err(Failure::usage(anyhow!(
+        refuse!(
             "--only: no setting that a recording may tell begins with `{key}`; `sim config` lists all settings"
-        )));
+        );
     }
     let search = Search::new(recordings, base, &only);
     let findings = search

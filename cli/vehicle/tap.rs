@@ -7,7 +7,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::device::host::{FrameReader, Sender};
@@ -25,7 +25,7 @@ use super::live::{Live, Piece};
 use super::{capture, end, header, plan, plan_of};
 use crate::args::TapArgs;
 use crate::config;
-use crate::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure, refuse};
 use crate::log::{Log, LogFormat, LogOptions, Words};
 use crate::patient_file::PatientFile;
 use crate::print::{complain, print};
@@ -90,14 +90,12 @@ pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
         return print(&summary(args.log_format, passed, None));
     }
     if args.vehicle.len() != args.client.len() {
-        let why = anyhow!("give --pty once for each DEVICE, in the same order");
-        return Err(Failure::usage(why));
+        refuse!("give --pty once for each DEVICE, in the same order");
     }
     let real = |path: &PathBuf| path.canonicalize().unwrap_or(path.clone());
     let real: BTreeSet<PathBuf> = args.vehicle.iter().map(real).collect();
     if real.len() < args.vehicle.len() {
-        let why = anyhow!("the same DEVICE is named twice; each link has its own");
-        return Err(Failure::usage(why));
+        refuse!("the same DEVICE is named twice; each link has its own");
     }
     let plan = plan_of(devices, &args.device, args.vehicle.len(), settings)?;
     let guide = match args.plan {
