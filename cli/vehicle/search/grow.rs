@@ -22,6 +22,8 @@ const KEPT: usize = 2;
 const ADDED: usize = 4;
 /// Multiple of the mean of chance that is still chance.
 const CHANCE: f64 = 1.1;
+/// Most searches of the whole recordings from where one ended.
+const MOST_AGAIN: usize = 3;
 /// First-order cost above which no change is taken back.
 const NEEDED: f64 = 1000.0;
 
@@ -67,12 +69,32 @@ impl Search<'_> {
                 kept = beginning.grow(kept, scale, is_last, &mut idle)?;
             }
         }
-        let mut model = self.model(&kept[0], 1.0)?;
+        let mut model = self.again(kept)?;
         let numbers = self.numbers(&model.settings);
         for at in &numbers {
             model = self.bisect(model, *at)?;
         }
         Ok(self.polish(model, &numbers, f64::INFINITY)?.settings)
+    }
+
+    /// The best model of these sets, searched again from there as long as chance does not explain what is left: a
+    /// change may have been tried before another that it needs, or far from where its effect was seen.
+    fn again(&self, mut kept: Vec<SimSettings>) -> Result<Model, String> {
+        let mut model = self.model(&kept[0], 1.0)?;
+        for _ in 0..MOST_AGAIN {
+            if self.is_explained(&model) {
+                break;
+            }
+            for scale in SCALES {
+                kept = self.grow(kept, scale, scale == 1.0, &mut None)?;
+            }
+            let before = self.set(&model.settings);
+            model = self.model(&kept[0], 1.0)?;
+            if self.set(&model.settings) == before {
+                break;
+            }
+        }
+        Ok(model)
     }
 
     /// Adds changes and takes them back, from several sets of them on; returns the best sets.
