@@ -1,16 +1,14 @@
 //! A serial line between a client and a device: its speed, and what goes wrong on it.
 
 mod direction;
-mod event;
-
-use std::mem::{Discriminant, discriminant};
+pub mod event;
 
 use rigsim_settings::{SimTime, choices};
 
 pub use crate::uart::{Adapter, UART_FIFO};
-pub use event::LineEvent;
 pub use rigsim_settings::ClientLine;
 
+use crate::event::{Code, EventKind, code};
 use crate::uart::Inbox;
 use direction::{Direction, Ends, matches};
 
@@ -57,7 +55,7 @@ pub struct SerialLine {
     inbox: Inbox,
     attached: bool,
     /// Settings of this client that were reported.
-    reported: Vec<Discriminant<LineEvent>>,
+    reported: Vec<Code>,
     /// A frame of the device has come to this client at another speed.
     heard_garbled: bool,
 }
@@ -87,7 +85,7 @@ impl SerialLine {
         self.catch_up(now);
         self.attached = true;
         self.heard_garbled = false;
-        self.reported.retain(|reported| *reported == mismatch());
+        self.reported.retain(|reported| *reported == code::BAUD_MISMATCH);
     }
 
     /// The client is gone. What its UART holds still goes out, the rest of what it has sent does
@@ -123,7 +121,7 @@ impl SerialLine {
 
     /// The client has set its end of the line. What is wrong with that is reported when bytes pass,
     /// since many a client opens its port first and sets it then; that it hangs up is reported at once.
-    pub fn set_client_line(&mut self, now: SimTime, line: ClientLine) -> Option<LineEvent> {
+    pub fn set_client_line(&mut self, now: SimTime, line: ClientLine) -> Option<EventKind> {
         if line == self.client {
             return None;
         }
@@ -135,17 +133,17 @@ impl SerialLine {
         // Every new speed is a new story, so a further mismatch is reported again.
         self.heard_garbled = false;
         let reported = self.reported.len();
-        self.reported.retain(|reported| *reported != mismatch());
+        self.reported.retain(|reported| *reported != code::BAUD_MISMATCH);
         if baud == 0 {
             self.to_device.discard_beyond(0);
-            return Some(LineEvent::HungUp);
+            return Some(event::hung_up());
         }
         let reported = self.reported.len() < reported;
-        (reported && matches(baud, self.device_baud)).then_some(LineEvent::BaudMatched { baud })
+        (reported && matches(baud, self.device_baud)).then(|| event::baud_matched(baud))
     }
 
     /// The client sends; returns what is to be reported of it.
-    pub fn client_sends(&mut self, now: SimTime, bytes: &[u8]) -> Vec<LineEvent> {
+    pub fn client_sends(&mut self, now: SimTime, bytes: &[u8]) -> Vec<EventKind> {
         if self.client.baud == 0 {
             return Vec::new();
         }
@@ -155,32 +153,27 @@ impl SerialLine {
         self.to_device.send(now, from, sent, self.to_device_ends());
         let (client, device) = (self.client, self.device_baud);
         let wrong = [
-            (!matches(client.baud, device)).then_some(LineEvent::BaudMismatch {
-                client: client.baud,
-                device,
-            }),
-            (!client.raw).then_some(LineEvent::NotRaw),
-            (client.stop_bits != 1).then_some(LineEvent::StopBits {
-                client: client.stop_bits,
-            }),
-            client.parity.then_some(LineEvent::Parity),
-            client.rts_cts.then_some(LineEvent::FlowControl),
+            (!matches(client.baud, device)).then(|| event::baud_mismatch(client.baud, device)),
+            (!client.raw).then(event::not_raw),
+            (client.stop_bits != 1).then(|| event::stop_bits(client.stop_bits)),
+            client.parity.then(event::parity),
+            client.rts_cts.then(event::flow_control),
         ];
         let mut events = Vec::new();
         for event in wrong.into_iter().flatten() {
-            if !self.reported.contains(&discriminant(&event)) {
-                self.reported.push(discriminant(&event));
+            if !self.reported.contains(&event.code()) {
+                self.reported.push(event.code());
                 events.push(event);
             }
         }
         if !lost.is_empty() {
-            events.push(LineEvent::SentTooMuch { bytes: lost.len() });
+            events.push(event::sent_too_much(lost.len()));
         }
         events
     }
 
     /// The device sends a frame.
-    pub fn device_sends(&mut self, now: SimTime, frame: &[u8]) -> Option<LineEvent> {
+    pub fn device_sends(&mut self, now: SimTime, frame: &[u8]) -> Option<EventKind> {
         self.catch_up(now);
         let mut bytes = self.to_client.make_room(frame.len());
         if self.to_client.kept() + frame.len() > MOST_IN_FLIGHT {
@@ -188,23 +181,23 @@ impl SerialLine {
         } else {
             self.to_client.send(now, now, frame, self.to_client_ends());
         }
-        let dropped = (bytes > 0 && self.attached).then_some(LineEvent::ReplyDropped { bytes });
+        let dropped = (bytes > 0 && self.attached).then(|| event::reply_dropped(bytes));
         dropped.or_else(|| self.mismatch_of_listener())
     }
 
     /// A client that only listens is at a wrong speed. The first frame says nothing of that: the client may
     /// just have opened its port, and set it afterwards.
-    fn mismatch_of_listener(&mut self) -> Option<LineEvent> {
+    fn mismatch_of_listener(&mut self) -> Option<EventKind> {
         let (client, device) = (self.client.baud, self.device_baud);
         let is_wrong = self.attached && client != 0 && !matches(client, device);
-        if !is_wrong || self.reported.contains(&mismatch()) {
+        if !is_wrong || self.reported.contains(&code::BAUD_MISMATCH) {
             return None;
         }
         if !std::mem::replace(&mut self.heard_garbled, true) {
             return None;
         }
-        self.reported.push(mismatch());
-        Some(LineEvent::BaudMismatch { client, device })
+        self.reported.push(code::BAUD_MISMATCH);
+        Some(event::baud_mismatch(client, device))
     }
 
     /// The device's end runs at a wrong speed by a fault, which is none of the client's making; or
@@ -328,13 +321,6 @@ impl SerialLine {
         let wire = self.next_off_wire().map(|at| self.adapter().passes(at));
         self.inbox.due().into_iter().chain(wire).min()
     }
-}
-
-fn mismatch() -> Discriminant<LineEvent> {
-    discriminant(&LineEvent::BaudMismatch {
-        client: 0,
-        device: 0,
-    })
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use std::time::Duration;
 use rigsim_core::SimTime;
 use rigsim_core::device::{Devices, EffectHandle, Level};
 use rigsim_core::effect::Checked;
-use rigsim_core::line::{ClientLine, LineEvent, Wire};
+use rigsim_core::line::{ClientLine, Wire, event};
 use rigsim_core::rig::Rig;
 use rigsim_physics::WorldMap;
 use rigsim_runner::RigPlan;
@@ -216,7 +216,7 @@ impl Player {
             }
             Operation::Late { by, stood } => {
                 let [by, stood] = [by, stood].map(|span| Duration::from_millis((*span).into()));
-                self.rig.emit_at_all(LineEvent::SimulatorStalled { by });
+                self.rig.emit_at_all(&event::simulator_stalled(by));
                 self.rig.late(by, stood);
             }
         }

@@ -12,7 +12,7 @@ use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::device::host::{FrameReader, Sender};
 use rigsim_core::event::{Code, Event, EventKind, code};
-use rigsim_core::line::{ClientLine, LineEvent};
+use rigsim_core::line::{ClientLine, event};
 use rigsim_pty::{
     Event as PortEvent, Port, PortError, PortErrorKind, PtySetup, Waiter, open_port,
     open_serial_port,
@@ -400,7 +400,7 @@ impl Link {
                 PortEvent::Attached => {
                     self.line = None;
                     out.record(Record::Attach { t, port });
-                    self.emit(out, t, LineEvent::Attached);
+                    self.emit(out, t, event::attached());
                     if self.vehicle.is_none() {
                         let mut vehicle = open_serial_port(&self.vehicle_path, self.setup.baud)?;
                         waiter.add(2 * self.index + 1, &mut vehicle)?;
@@ -420,7 +420,7 @@ impl Link {
                 PortEvent::Detached => {
                     self.waiting[1].clear();
                     out.record(Record::Detach { t, port });
-                    self.emit(out, t, LineEvent::Detached);
+                    self.emit(out, t, event::detached());
                 }
             }
         }
@@ -483,11 +483,11 @@ impl Link {
         let (t, port) = (out.now(), PortRecord(0, self.index));
         out.record(Record::Line { t, port, line });
         if line.parity {
-            self.emit(out, t, LineEvent::Parity);
+            self.emit(out, t, event::parity());
         }
         let (client, device) = (line.baud, self.setup.baud);
         if client != 0 && client != device {
-            self.emit(out, t, LineEvent::BaudMismatch { client, device });
+            self.emit(out, t, event::baud_mismatch(client, device));
         }
         let vehicle = self.vehicle.as_mut();
         match vehicle.map_or(Ok(()), |vehicle| vehicle.set_line(line)) {
@@ -500,7 +500,7 @@ impl Link {
         }
     }
 
-    fn emit(&self, out: &Out, t: u64, event: LineEvent) {
+    fn emit(&self, out: &Out, t: u64, event: EventKind) {
         out.event(t, event.on(self.index));
     }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rigsim_core::SimTime;
 use rigsim_core::event::{Event, EventKind};
-use rigsim_core::line::{ClientLine, LineEvent};
+use rigsim_core::line::{ClientLine, event};
 use rigsim_core::rig::PortId;
 
 use super::agenda::Item;
@@ -101,7 +101,7 @@ impl Run {
         self.agenda.plan(at, Item::Judge);
         self.instant(at, |rig| {
             if let (Err(PublishError(why)), Some(port)) = (used, port) {
-                rig.emit_line_event(port, LineEvent::BadPublication { why });
+                rig.emit_line_event(port, event::bad_publication(why));
             }
         })?;
         Ok(used)
@@ -134,7 +134,7 @@ impl Run {
     pub fn set_modem_lines(&mut self, port: PortId, dtr: bool, rts: bool) {
         self.situation
             .rig
-            .emit_line_event(port, LineEvent::ModemLines { dtr, rts });
+            .emit_line_event(port, event::modem_lines(dtr, rts));
     }
 
     /// The devices stand for real ones: only replies that are [observed](Self::observe) count.
@@ -177,7 +177,7 @@ impl Run {
     pub fn client_lost(&mut self, port: PortId, bytes: u64) {
         self.situation
             .rig
-            .emit_line_event(port, LineEvent::Overrun { bytes });
+            .emit_line_event(port, event::overrun(bytes));
     }
 
     /// The machine stalled the simulator for so long that simulated time stood still: for `real`,
@@ -185,13 +185,13 @@ impl Run {
     pub fn stalled(&mut self, real: Duration, stood: Duration) {
         self.situation
             .rig
-            .emit_at_all(LineEvent::SimulatorStalled { by: real });
+            .emit_at_all(&event::simulator_stalled(real));
         self.late(stood, stood);
     }
 
     /// The machine is too slow for what it is to compute.
     pub fn too_slow(&mut self) {
-        self.situation.rig.emit_at_all(LineEvent::SimulatorTooSlow);
+        self.situation.rig.emit_at_all(&event::simulator_too_slow());
     }
 
     /// The simulator was late, or paused: what the clients have sent that was not read yet may be

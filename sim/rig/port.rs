@@ -6,7 +6,8 @@ use rigsim_settings::SimTime;
 
 use super::{Rig, RigError};
 use crate::device::Way;
-use crate::line::{ClientLine, LineEvent, SerialLine};
+use crate::event::EventKind;
+use crate::line::{ClientLine, SerialLine, event};
 
 /// One serial port: a link of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,7 +32,7 @@ impl Rig {
         }
         if let Some(line) = self.line_mut(port) {
             line.attach(now);
-            self.line_event(port, Some(LineEvent::Attached));
+            self.line_event(port, Some(event::attached()));
         }
         Ok(())
     }
@@ -45,7 +46,7 @@ impl Rig {
         self.advance(now)?;
         if let Some(line) = self.line_mut(port) {
             line.detach(now);
-            self.line_event(port, Some(LineEvent::Detached));
+            self.line_event(port, Some(event::detached()));
             self.after_change(port.device);
         }
         Ok(())
@@ -70,16 +71,16 @@ impl Rig {
     }
 
     /// Something that only the server of the port knows happened on it.
-    pub fn emit_line_event(&mut self, port: PortId, event: LineEvent) {
+    pub fn emit_line_event(&mut self, port: PortId, event: EventKind) {
         if self.line(port).is_some() {
             self.line_event(port, Some(event));
         }
     }
 
     /// The same at every device.
-    pub fn emit_at_all(&mut self, event: LineEvent) {
+    pub fn emit_at_all(&mut self, event: &EventKind) {
         for device in 0..self.slots.len() {
-            self.emit_line_event(PortId { device, link: 0 }, event);
+            self.emit_line_event(PortId { device, link: 0 }, event.clone());
         }
     }
 

@@ -7,7 +7,7 @@ use super::{PortId, Rig, Slot};
 use crate::device::Device;
 use crate::event::{Event, EventKind, code};
 use crate::injection::Injection;
-use crate::line::{LineEvent, SerialLine};
+use crate::line::{SerialLine, event::reply_dropped};
 use crate::newest::Newest;
 
 /// After so many bytes of one instant, as on a line without pacing, what they led to is taken. A
@@ -91,7 +91,7 @@ impl Rig {
     }
 
     /// Something happened on a line, if anything did.
-    pub(super) fn line_event(&mut self, port: PortId, event: Option<LineEvent>) {
+    pub(super) fn line_event(&mut self, port: PortId, event: Option<EventKind>) {
         if let Some(event) = event {
             let PortId { device, link } = port;
             self.events.push(event.on(link).at(self.now, device));
@@ -134,8 +134,7 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Newest<Event>
         let event = if has_room {
             line.device_sends(now, bytes)
         } else {
-            let bytes = bytes.len();
-            Some(LineEvent::ReplyDropped { bytes })
+            Some(reply_dropped(bytes.len()))
         };
         if let Some(event) = event {
             events.push(event.on(link).at(now, device));

@@ -9,7 +9,7 @@ use rigsim_physics::faults::BodyFaults;
 use rigsim_physics::r150::Load;
 
 use super::*;
-use crate::line::{ClientLine, LineEvent};
+use crate::line::{ClientLine, event};
 use crate::r150::{R150, R150Settings};
 use crate::r150_device::command::Request;
 use rigsim_physics::Pose;
@@ -385,7 +385,7 @@ fn a_port_that_does_not_exist_does_nothing() {
     rig.set_client_line(nowhere, ClientLine::at(9600));
     rig.client_sends(nowhere, SimTime::from_millis(1), &[1, 2, 3])
         .unwrap();
-    rig.emit_line_event(nowhere, LineEvent::Overrun { bytes: 1 });
+    rig.emit_line_event(nowhere, event::overrun(1));
     assert_eq!(rig.room(nowhere), 0);
     assert!(rig.with_device(3, |_: &mut R150, _, _| ()).is_none());
 }
