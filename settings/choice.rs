@@ -110,18 +110,14 @@ macro_rules! choices {
                 format!("\"{}\"", self.as_str())
             }
 
-            fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self::Bound>>) -> String {
-                let words: Vec<String> =
-                    Self::ALL.iter().map(|choice| format!("\"{}\"", choice.as_str())).collect();
-                words.join(", ")
-            }
-
-            fn schema(
+            fn allowed(
                 _unit: &str,
                 _bounds: Option<&$crate::Bounds<Self::Bound>>,
-            ) -> $crate::private::schemars::Schema {
-                let words: Vec<&str> = Self::ALL.iter().map(|choice| choice.as_str()).collect();
-                $crate::private::schemars::json_schema!({"enum": words})
+            ) -> $crate::Allowed {
+                let words = Self::ALL.map(|choice| choice.as_str());
+                let quoted = words.map(|word| format!("\"{word}\""));
+                let schema = $crate::private::schemars::json_schema!({"enum": words.to_vec()});
+                $crate::Allowed::any(quoted.join(", "), schema)
             }
         }
     )+ };

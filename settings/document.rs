@@ -174,7 +174,7 @@ pub fn show_entry(entry: &Entry, name: &str) -> String {
         let _ = writeln!(text, "# {}", line.trim());
     }
     let _ = writeln!(text, "# {}: {}", entry.basis.as_str(), entry.basis.source());
-    let _ = writeln!(text, "# allowed: {}", entry.allowed);
+    let _ = writeln!(text, "# allowed: {}", entry.allowed.words);
     if entry.value != entry.default {
         let _ = writeln!(text, "# default: {}", entry.default);
     }
@@ -188,10 +188,10 @@ pub fn show_entry(entry: &Entry, name: &str) -> String {
 pub fn schema_of(settings: &dyn Settings) -> schemars::Schema {
     let mut schema = group();
     for entry in settings.entries() {
-        let mut property = entry.schema.to_value();
+        let mut property = entry.allowed.schema.to_value();
         let (doc, basis) = (entry.doc.replace('\n', " "), entry.basis);
         let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
-        let (allowed, basis, source) = (&entry.allowed, basis.as_str(), basis.source());
+        let (allowed, basis, source) = (&entry.allowed.words, basis.as_str(), basis.source());
         property["description"] = format!("{doc} Allowed: {allowed}; {basis}: {source}").into();
         // What a setting shows as TOML is JSON too.
         if let Ok(default) = serde_json::from_str(&entry.default) {

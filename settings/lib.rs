@@ -30,7 +30,7 @@ pub use line::ClientLine;
 pub use quantity::parse_quantity;
 pub use read::{Part, ReadError, Reader, Wrong, or_allowed, read};
 pub use time::{SimTime, show_duration, show_rounded};
-pub use value::{Bounds, SettingValue, Value, read_in};
+pub use value::{Allowed, Bounds, SettingValue, Value, read_in};
 pub use written::{
     Angle, Force, Frequency, Friction, Length, Mass, Percent, Power, Resistance, Span, Speed,
     Torque, Voltage, Written, private,
@@ -75,14 +75,8 @@ pub struct Entry {
     pub value: String,
     /// The default as a TOML literal.
     pub default: String,
-    /// The allowed values in words.
-    pub allowed: String,
-    /// The ends of its range as TOML literals, or of the range of each value of a list.
-    pub range: Option<[String; 2]>,
-    /// Only whole numbers are allowed.
-    pub whole: bool,
-    /// The JSON Schema of its values.
-    pub schema: schemars::Schema,
+    /// The allowed values.
+    pub allowed: Allowed,
     /// Documented behaviour or our assumption.
     pub basis: Basis,
 }

@@ -69,21 +69,14 @@ macro_rules! settings {
             fn list(&self, prefix: &str, entries: &mut Vec<$crate::Entry>) {
                 let defaults = Self::default();
                 $(
+                    let unit = $crate::settings!(@unit $($unit)?);
                     entries.push($crate::Entry {
                         key: $crate::join(prefix, stringify!($field)),
                         doc: concat!($($field_doc, "\n"),+).to_owned(),
-                        value: $crate::SettingValue::show(&self.$field, $crate::settings!(@unit $($unit)?)),
-                        default: $crate::SettingValue::show(&defaults.$field, $crate::settings!(@unit $($unit)?)),
+                        value: $crate::SettingValue::show(&self.$field, unit),
+                        default: $crate::SettingValue::show(&defaults.$field, unit),
                         allowed: <$ty as $crate::SettingValue>::allowed(
-                            $crate::settings!(@unit $($unit)?),
-                            $crate::settings!(@range $($range)?),
-                        ),
-                        range: $crate::settings!(@range $($range)?).and_then(|range| {
-                            <$ty as $crate::SettingValue>::ends($crate::settings!(@unit $($unit)?), range)
-                        }),
-                        whole: <$ty as $crate::SettingValue>::WHOLE,
-                        schema: <$ty as $crate::SettingValue>::schema(
-                            $crate::settings!(@unit $($unit)?),
+                            unit,
                             $crate::settings!(@range $($range)?),
                         ),
                         basis: $crate::settings!(@basis ($($documented)?) ($($assumed)?)),
@@ -112,7 +105,7 @@ macro_rules! settings {
                             self.$field = $crate::read_in::<$ty>(value, unit, range).map_err(|why| {
                                 $crate::Problem::Invalid {
                                     why,
-                                    allowed: <$ty as $crate::SettingValue>::allowed(unit, range),
+                                    allowed: <$ty as $crate::SettingValue>::allowed(unit, range).words,
                                 }
                             })?;
                             Ok(())

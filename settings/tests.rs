@@ -255,7 +255,8 @@ fn the_schema_types_every_key_and_allows_no_other() {
     let unit = crate::quantity::pattern;
     assert!(unit("kg*m^2").ends_with(" *(kg\\*m\\^2)$"));
     assert!(unit("s").ends_with("|h)$"));
-    let share = <f64 as crate::SettingValue>::schema("", Some(&(1.0..=60.0))).to_value();
+    let share = <f64 as crate::SettingValue>::allowed("", Some(&(1.0..=60.0)));
+    let share = share.schema.to_value();
     assert_eq!(share["minimum"], 1.0);
     assert_eq!(share["maximum"], 60.0);
 }

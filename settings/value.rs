@@ -46,6 +46,33 @@ impl std::fmt::Display for Value {
 /// Lowest and highest allowed value.
 pub type Bounds<T> = RangeInclusive<T>;
 
+/// The values that a setting may have.
+#[derive(Debug, Clone)]
+pub struct Allowed {
+    /// In words.
+    pub words: String,
+    /// The ends of the range as TOML literals, or of the range of each value of a list; `None` without
+    /// one.
+    pub range: Option<[String; 2]>,
+    /// Only whole numbers are allowed.
+    pub whole: bool,
+    /// The JSON Schema of them in a TOML file.
+    pub schema: Schema,
+}
+
+impl Allowed {
+    /// Values without a range.
+    #[must_use]
+    pub fn any(words: impl Into<String>, schema: Schema) -> Self {
+        Self {
+            words: words.into(),
+            range: None,
+            whole: false,
+            schema,
+        }
+    }
+}
+
 /// A type that a setting may have.
 ///
 /// `unit` is the unit of its declaration, empty where it has none.
@@ -53,9 +80,6 @@ pub trait SettingValue: Sized + Clone {
     /// Type of the ends of its range: the type itself, or the element of a list;
     /// [`Infallible`](std::convert::Infallible) of a type that has no range.
     type Bound: PartialOrd;
-
-    /// Only whole numbers are allowed.
-    const WHOLE: bool = false;
 
     /// Takes `value` if it has the right form.
     ///
@@ -71,17 +95,8 @@ pub trait SettingValue: Sized + Clone {
         true
     }
 
-    /// The ends of the range as TOML literals: those of each value of a list, and none of a type that
-    /// has no range.
-    fn ends(_unit: &str, _bounds: &Bounds<Self::Bound>) -> Option<[String; 2]> {
-        None
-    }
-
-    /// The allowed values in words.
-    fn allowed(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> String;
-
-    /// The JSON Schema of its values in a TOML file.
-    fn schema(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> Schema;
+    /// The allowed values.
+    fn allowed(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> Allowed;
 }
 
 /// Reads a value and checks its range.
@@ -100,8 +115,8 @@ pub fn read_in<T: SettingValue>(
     }
 }
 
-fn shown<T: SettingValue>(unit: &str, bounds: &Bounds<T>) -> Option<[String; 2]> {
-    Some([bounds.start().show(unit), bounds.end().show(unit)])
+fn shown<T: SettingValue>(unit: &str, bounds: Option<&Bounds<T>>) -> Option<[String; 2]> {
+    bounds.map(|bounds| [bounds.start().show(unit), bounds.end().show(unit)])
 }
 
 /// A number, or a text with one of the units of its dimension.
@@ -142,17 +157,14 @@ macro_rules! number {
             bounds.contains(self)
         }
 
-        fn ends(unit: &str, bounds: &Bounds<Self>) -> Option<[String; 2]> {
-            shown(unit, bounds)
-        }
-
-        fn allowed(unit: &str, bounds: Option<&Bounds<Self>>) -> String {
-            let bounds = bounds.map(|b| (b.start().to_string(), b.end().to_string()));
-            in_words($what, unit, bounds)
-        }
-
-        fn schema(unit: &str, bounds: Option<&Bounds<Self>>) -> Schema {
-            number_schema($kind, unit, bounds.map(|b| (*b.start(), *b.end())))
+        fn allowed(unit: &str, bounds: Option<&Bounds<Self>>) -> Allowed {
+            let ends = bounds.map(|b| (b.start().to_string(), b.end().to_string()));
+            Allowed {
+                words: in_words($what, unit, ends),
+                range: shown(unit, bounds),
+                whole: $kind == "integer",
+                schema: number_schema($kind, unit, bounds.map(|b| (*b.start(), *b.end()))),
+            }
         }
     };
 }
@@ -184,8 +196,6 @@ impl SettingValue for f64 {
 }
 
 impl SettingValue for u32 {
-    const WHOLE: bool = true;
-
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         let number = match value {
             Value::Integer(_) if !unit.is_empty() => return Err(lacks_unit(value, unit)),
@@ -234,12 +244,8 @@ impl SettingValue for bool {
         self.to_string()
     }
 
-    fn allowed(_unit: &str, _bounds: Option<&Bounds<Self::Bound>>) -> String {
-        "true or false".to_owned()
-    }
-
-    fn schema(_unit: &str, _bounds: Option<&Bounds<Self::Bound>>) -> Schema {
-        json_schema!({"type": "boolean"})
+    fn allowed(_unit: &str, _bounds: Option<&Bounds<Self::Bound>>) -> Allowed {
+        Allowed::any("true or false", json_schema!({"type": "boolean"}))
     }
 }
 
@@ -276,17 +282,13 @@ impl SettingValue for Duration {
         bounds.contains(self)
     }
 
-    fn ends(unit: &str, bounds: &Bounds<Duration>) -> Option<[String; 2]> {
-        shown(unit, bounds)
-    }
-
-    fn allowed(_unit: &str, bounds: Option<&Bounds<Duration>>) -> String {
-        let bounds = bounds.map(|b| (show_duration(*b.start()), show_duration(*b.end())));
-        in_words("a time", "", bounds)
-    }
-
-    fn schema(_unit: &str, _bounds: Option<&Bounds<Duration>>) -> Schema {
-        json_schema!({"type": "string", "pattern": pattern("s")})
+    fn allowed(unit: &str, bounds: Option<&Bounds<Duration>>) -> Allowed {
+        let ends = bounds.map(|b| (show_duration(*b.start()), show_duration(*b.end())));
+        let schema = json_schema!({"type": "string", "pattern": pattern("s")});
+        Allowed {
+            range: shown(unit, bounds),
+            ..Allowed::any(in_words("a time", "", ends), schema)
+        }
     }
 }
 
@@ -316,25 +318,21 @@ impl<T: SettingValue, const N: usize> SettingValue for [T; N] {
         self.iter().all(|v| v.within(bounds))
     }
 
-    fn ends(unit: &str, bounds: &Bounds<T::Bound>) -> Option<[String; 2]> {
-        T::ends(unit, bounds)
-    }
-
-    fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> String {
-        format!("a list of {N}, each {}", T::allowed(unit, bounds))
-    }
-
-    fn schema(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> Schema {
-        let each = T::schema(unit, bounds);
-        json_schema!({"type": "array", "items": each, "minItems": N, "maxItems": N})
+    fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> Allowed {
+        let each = T::allowed(unit, bounds);
+        let list = json_schema!({
+            "type": "array", "items": each.schema, "minItems": N, "maxItems": N,
+        });
+        Allowed {
+            range: each.range,
+            ..Allowed::any(format!("a list of {N}, each {}", each.words), list)
+        }
     }
 }
 
 /// A number that `"off"` switches off.
 impl<T: SettingValue> SettingValue for Option<T> {
     type Bound = T::Bound;
-
-    const WHOLE: bool = T::WHOLE;
 
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         match value {
@@ -352,16 +350,13 @@ impl<T: SettingValue> SettingValue for Option<T> {
         self.as_ref().is_none_or(|v| v.within(bounds))
     }
 
-    fn ends(unit: &str, bounds: &Bounds<T::Bound>) -> Option<[String; 2]> {
-        T::ends(unit, bounds)
-    }
-
-    fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> String {
-        format!("\"off\", or {}", T::allowed(unit, bounds))
-    }
-
-    fn schema(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> Schema {
-        json_schema!({"anyOf": [{"const": "off"}, T::schema(unit, bounds)]})
+    fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> Allowed {
+        let on = T::allowed(unit, bounds);
+        Allowed {
+            words: format!("\"off\", or {}", on.words),
+            schema: json_schema!({"anyOf": [{"const": "off"}, on.schema]}),
+            ..on
+        }
     }
 }
 

@@ -22,7 +22,7 @@ pub trait Written: Sized {
     /// The allowed values in words.
     #[must_use]
     fn allowed() -> String {
-        let values = Self::Value::allowed(Self::UNIT, Self::range().as_ref());
+        let values = Self::Value::allowed(Self::UNIT, Self::range().as_ref()).words;
         match Self::UNIT {
             "" => format!("{values}, as in {}", Self::EXAMPLE),
             _ => format!("{values}, with its unit, as in {:?}", Self::EXAMPLE),
@@ -41,14 +41,13 @@ pub trait Written: Sized {
     /// The JSON Schema of it in a file.
     #[must_use]
     fn schema() -> Schema {
-        let range = Self::range();
+        let values = Self::Value::allowed(Self::UNIT, Self::range().as_ref());
         if Self::UNIT.is_empty() {
-            let mut schema = Self::Value::schema("", range.as_ref());
+            let mut schema = values.schema;
             schema.insert("description".to_owned(), Self::allowed().into());
             return schema;
         }
-        let ends = range.and_then(|range| Self::Value::ends(Self::UNIT, &range));
-        let ends = ends.into_iter().flatten();
+        let ends = values.range.into_iter().flatten();
         let mut examples = vec![Self::EXAMPLE.to_owned()];
         examples.extend(ends.map(|end| end.trim_matches('"').to_owned()));
         json_schema!({

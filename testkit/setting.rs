@@ -71,13 +71,13 @@ pub fn ends(entry: &Entry) -> Vec<String> {
         Some(count) => format!("[{}]", vec![end.as_str(); count].join(", ")),
         None => end.clone(),
     };
-    entry.range.iter().flatten().map(whole).collect()
+    entry.allowed.range.iter().flatten().map(whole).collect()
 }
 
 /// The default of a setting and the values that its schema names, as TOML literals.
 #[must_use]
 pub fn values(entry: &Entry) -> Vec<String> {
-    let schema = entry.schema.as_value();
+    let schema = entry.allowed.schema.as_value();
     let named = schema::values(schema, schema).into_iter();
     let others = ends(entry)
         .into_iter()

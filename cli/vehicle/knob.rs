@@ -63,7 +63,7 @@ impl Knob {
     }
 
     fn of(entry: &Entry) -> Vec<Self> {
-        let schema = entry.schema.as_value();
+        let schema = entry.allowed.schema.as_value();
         let words = schema["enum"].as_array();
         let words = words.map(|words| words.iter().map(ToString::to_string).collect());
         let flags = || vec!["true".to_owned(), "false".to_owned()];
@@ -105,7 +105,11 @@ impl Knob {
         let Some((value, unit)) = quantity(text) else {
             return Vec::new();
         };
-        let end = entry.range.as_ref().and_then(|[_, end]| quantity(end));
+        let end = entry
+            .allowed
+            .range
+            .as_ref()
+            .and_then(|[_, end]| quantity(end));
         let is_time = parse_quantity(text, "s").is_ok();
         let step = match (value == 0.0, is_time) {
             (false, _) if unit == "degC" => 5.0,
@@ -114,7 +118,7 @@ impl Knob {
             (true, false) => end.map_or(1.0, |(end, _)| end / 100.0),
         };
         let ratio = (value > 0.0 && unit != "degC").then_some(STEP);
-        let form = match entry.whole {
+        let form = match entry.allowed.whole {
             true => Form::Whole(unit),
             false => Form::One(unit),
         };

@@ -24,7 +24,7 @@ use rigsim_settings::{Entry, Settings, parse_assignment};
 /// Literals of values that a setting might take, beside its default.
 fn others(entry: &Entry) -> Vec<String> {
     let literal = entry.default.as_str();
-    if let Some(choices) = entry.allowed.strip_prefix('"') {
+    if let Some(choices) = entry.allowed.words.strip_prefix('"') {
         let others = choices
             .split('"')
             .step_by(2)

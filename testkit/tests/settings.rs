@@ -67,7 +67,7 @@ fn absurd_values_are_refused_by_name_or_do_no_harm() {
                 Err(errors) => {
                     refused += 1;
                     let reported = errors[0].to_string();
-                    for part in ["my.toml:1", &entry.key, &entry.allowed] {
+                    for part in ["my.toml:1", &entry.key, &entry.allowed.words] {
                         // A syntax error is reported by the parser, which knows no settings.
                         let has = reported.contains(part)
                             || literal.contains("nan") && part != "my.toml:1";
@@ -115,12 +115,13 @@ fn both_ends_of_every_range_drive() {
 fn a_range_without_end_has_a_reason() {
     // What has no range must be a word, a switch, or something whose type is its range.
     for entry in entries() {
-        let is_number = entry.allowed.contains("number") || entry.allowed.contains("a time");
+        let is_number =
+            entry.allowed.words.contains("number") || entry.allowed.words.contains("a time");
         assert!(
-            !is_number || entry.range.is_some(),
+            !is_number || entry.allowed.range.is_some(),
             "{}: {}",
             entry.key,
-            entry.allowed
+            entry.allowed.words
         );
     }
 }

@@ -26,9 +26,13 @@ fn the_documentation_names_every_setting_and_every_other_choice() {
             missing.push(entry.key.clone());
         }
         // Words beside the default, but for those that a group stands for.
-        if entry.allowed.starts_with('"') && !entry.allowed.contains("…") && group.is_none() {
+        if entry.allowed.words.starts_with('"')
+            && !entry.allowed.words.contains("…")
+            && group.is_none()
+        {
             for word in entry
                 .allowed
+                .words
                 .split(", ")
                 .filter(|word| word.starts_with('"') && **word != entry.default)
             {

@@ -3,8 +3,8 @@
 use std::convert::Infallible;
 use std::fmt;
 
-use rigsim_settings::{Bounds, SettingValue, Value};
-use schemars::{Schema, json_schema};
+use rigsim_settings::{Allowed, Bounds, SettingValue, Value};
+use schemars::json_schema;
 
 use super::VersionOrder;
 
@@ -50,11 +50,12 @@ impl SettingValue for Version {
         format!("\"{self}\"")
     }
 
-    fn allowed(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
-        "\"major.minor.region.build\", each 0 to 255".to_owned()
-    }
-
-    fn schema(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Schema {
-        json_schema!({"type": "string", "pattern": "^[0-9]{1,3}(\\.[0-9]{1,3}){3}$", "examples": ["1.2.3.4"]})
+    fn allowed(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Allowed {
+        let schema = json_schema!({
+            "type": "string",
+            "pattern": "^[0-9]{1,3}(\\.[0-9]{1,3}){3}$",
+            "examples": ["1.2.3.4"],
+        });
+        Allowed::any("\"major.minor.region.build\", each 0 to 255", schema)
     }
 }
