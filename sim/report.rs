@@ -35,7 +35,7 @@ pub struct Report {
     /// Everything else, by the event's code.
     pub events: BTreeMap<&'static str, Tally>,
     /// Clients that have a port open now.
-    attached: u64,
+    pub(crate) attached: u64,
 }
 
 impl Report {

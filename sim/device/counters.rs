@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use rigsim_settings::SimTime;
 
-use crate::event::{Event, Role};
+use crate::event::Event;
 use crate::message::Sender;
 use crate::report::Report;
 
@@ -15,8 +15,6 @@ pub struct Counters {
     pub report: Report,
     /// Events by their codes, also those that are attributed to no party; messages by their `count`.
     counts: BTreeMap<&'static str, u64>,
-    /// Number of its ports that are open.
-    pub attached: u64,
     /// Time of the last request for motion, and the distance driven until then.
     pub last_motion: Option<(SimTime, f64)>,
     /// Number of requests for motion.
@@ -31,11 +29,6 @@ impl Counters {
     /// Takes note of an event of the device, which has driven so far; unless it is `excused`, it
     /// counts in the report.
     pub fn add_event(&mut self, event: &Event, distance_m: f64, excused: bool) {
-        match event.kind.code().role {
-            Role::Attached => self.attached += 1,
-            Role::Detached => self.attached = self.attached.saturating_sub(1),
-            _ => {}
-        }
         if let Some((message, payload)) = event.kind.message() {
             if message.motion {
                 self.last_motion = Some((event.at, distance_m));
