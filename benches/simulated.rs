@@ -238,8 +238,12 @@ fn add_r150(rig: &mut Rig, lane: usize) {
     let name = format!("r150-{lane}");
     let settings = R150Settings::default();
     let setup = Setup {
+        name: &name,
+        settings: &settings,
+        start: 0,
+        links: 1,
         pose,
-        ..Setup::new(&name, &settings)
+        seed: 0,
     };
     rig.add(&rigsim_core::r150::R150_SPEC, &setup);
 }

@@ -406,14 +406,6 @@ impl Scenario {
         let faults = self.steps.iter().filter_map(Step::fault);
         faults.map(|fault| fault.info().id)
     }
-
-    /// Returns whether the file has a scripted client.
-    #[must_use]
-    pub fn has_script(&self) -> bool {
-        self.steps
-            .iter()
-            .any(|step| matches!(step.action, StepAction::Host(_)))
-    }
 }
 
 /// The motors that faults of these devices may name, where they may not name all.

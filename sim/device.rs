@@ -211,21 +211,6 @@ pub fn typed<T: DeviceSettings>(settings: &dyn DeviceSettings) -> &T {
     })
 }
 
-impl<'a> Setup<'a> {
-    /// A device at the origin in its usual state, with its first link.
-    #[must_use]
-    pub fn new(name: &'a str, settings: &'a dyn DeviceSettings) -> Self {
-        Self {
-            name,
-            settings,
-            start: 0,
-            links: 1,
-            pose: Pose::default(),
-            seed: 0,
-        }
-    }
-}
-
 /// Firmware and hardware of one device, tied together.
 ///
 /// Time never goes back. After `advance`, and after a `receive` that has led to output, the rig calls

@@ -85,7 +85,8 @@ impl SerialLine {
         self.catch_up(now);
         self.attached = true;
         self.heard_garbled = false;
-        self.reported.retain(|reported| *reported == code::BAUD_MISMATCH);
+        self.reported
+            .retain(|reported| *reported == code::BAUD_MISMATCH);
     }
 
     /// The client is gone. What its UART holds still goes out, the rest of what it has sent does
@@ -133,7 +134,8 @@ impl SerialLine {
         // Every new speed is a new story, so a further mismatch is reported again.
         self.heard_garbled = false;
         let reported = self.reported.len();
-        self.reported.retain(|reported| *reported != code::BAUD_MISMATCH);
+        self.reported
+            .retain(|reported| *reported != code::BAUD_MISMATCH);
         if baud == 0 {
             self.to_device.discard_beyond(0);
             return Some(event::hung_up());

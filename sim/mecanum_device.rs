@@ -35,7 +35,7 @@ mod tests;
 use std::fmt;
 use std::time::Duration;
 
-use rigsim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS};
+use rigsim_physics::mecanum::{MecanumCommands, MecanumMeasurements};
 use rigsim_settings::SimTime;
 
 use crate::event::code::OPERATED;
@@ -230,13 +230,6 @@ impl MecanumDevice {
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.drive.motions.waiting()
-    }
-
-    /// Direction in which the firmware drives each wheel, LF, RF, LR, RR: 1 forward, −1 backward, 0
-    /// not at all.
-    #[must_use]
-    pub fn rotations(&self) -> [i8; WHEELS] {
-        self.drive.rotations()
     }
 
     /// When the motions are discarded unless the client sends something.

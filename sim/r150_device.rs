@@ -30,7 +30,7 @@ mod telemetry;
 pub mod vehicle;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -220,18 +220,6 @@ impl Rig {
         Some(outcome)
     }
 
-    /// The same with a device of this type; `None` if it has another type.
-    pub fn with_device<D: Device, T>(
-        &mut self,
-        device: usize,
-        change: impl FnOnce(&mut D, &mut World, SimTime) -> T,
-    ) -> Option<T> {
-        self.device::<D>(device)?;
-        self.with_any_device(device, |found, world, now| {
-            found.get_mut().map(|found| change(found, world, now))
-        })?
-    }
-
     /// Advances to `to`. Earlier than the present does nothing.
     ///
     /// # Errors

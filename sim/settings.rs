@@ -39,12 +39,6 @@ impl SimSettings {
         let at = self.table.iter().position(|known| *known == device)?;
         self.devices.get(at).map(Box::as_ref)
     }
-
-    /// The settings of this type; `None` if no device has such.
-    #[must_use]
-    pub fn of<T: DeviceSettings>(&self) -> Option<&T> {
-        self.devices.iter().find_map(|group| group.get())
-    }
 }
 
 impl Settings for SimSettings {

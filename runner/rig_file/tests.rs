@@ -1,4 +1,5 @@
 use super::*;
+use rigsim_core::device::typed;
 use rigsim_core::r150::R150Settings;
 
 fn parse(text: &str) -> Result<RigPlan, String> {
@@ -30,7 +31,7 @@ fn a_full_rig() {
         (first.name.as_str(), second.name.as_str()),
         ("r150-1", "other")
     );
-    let r150 = |device: &DevicePlan| device.settings.of::<R150Settings>().unwrap().clone();
+    let r150 = |device: &DevicePlan| typed::<R150Settings>(device.own_settings().unwrap()).clone();
     assert_eq!(first.start, 1);
     assert_eq!((first.pose.x, first.pose.y), (1.5, -0.2));
     assert_eq!(first.pose.heading, std::f64::consts::FRAC_PI_2);

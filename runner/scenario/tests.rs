@@ -32,7 +32,8 @@ fn a_full_scenario_is_read() {
     assert_eq!(scenario.rig.world.as_deref(), Some(Path::new("yard.toml")));
     let timeout = scenario.rig.devices[0]
         .settings
-        .of::<rigsim_core::r150::R150Settings>()
+        .of_device(&rigsim_core::r150::R150_SPEC)
+        .and_then(|settings| settings.get::<rigsim_core::r150::R150Settings>())
         .unwrap()
         .firmware
         .heartbeat_timeout;
@@ -42,7 +43,8 @@ fn a_full_scenario_is_read() {
         Some((Duration::from_secs(1), Duration::from_secs(1)))
     );
     assert_eq!(scenario.steps[1].name, "step 2");
-    assert!(scenario.has_script());
+    let is_host = |step: &Step| matches!(step.action, StepAction::Host(_));
+    assert!(scenario.steps.iter().any(is_host));
 }
 
 #[test]

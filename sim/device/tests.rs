@@ -5,6 +5,20 @@ use super::*;
 use crate::mecanum::MECANUM_SPEC;
 use crate::r150::R150_SPEC;
 
+impl<'a> Setup<'a> {
+    /// A device at the origin in its usual state, with its first link.
+    pub(crate) fn new(name: &'a str, settings: &'a dyn DeviceSettings) -> Self {
+        Self {
+            name,
+            settings,
+            start: 0,
+            links: 1,
+            pose: Pose::default(),
+            seed: 0,
+        }
+    }
+}
+
 #[test]
 #[should_panic(expected = "a row builds its device from")]
 fn a_row_whose_settings_have_another_type_builds_nothing() {

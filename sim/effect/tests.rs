@@ -31,6 +31,7 @@ use crate::r150::{R150, R150Settings};
 use crate::r150_device::codec;
 use crate::r150_device::command::SystemInfo;
 use crate::r150_device::command::{Reply, Request};
+use crate::r150_device::tests::read_reply;
 use crate::rig::{PortId, Rig, RigSettings};
 use crate::scanner::Decoded;
 
@@ -197,7 +198,7 @@ fn frames(bytes: &[u8]) -> Vec<Reply> {
     for &byte in bytes {
         decoder.push(SimTime::ZERO, byte, &mut |decoded| {
             if let Decoded::Frame(frame) = decoded {
-                found.extend(Reply::of(&frame));
+                found.extend(read_reply(&frame));
             }
         });
     }

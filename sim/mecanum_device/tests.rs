@@ -207,6 +207,6 @@ impl Bench {
     }
 
     fn is_driving(&self) -> bool {
-        self.device.rotations() != [0; WHEELS]
+        self.device.drive.rotations() != [0; WHEELS]
     }
 }

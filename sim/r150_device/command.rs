@@ -8,7 +8,7 @@ use rigsim_physics::r150::Rail;
 use serde::{Deserialize, Deserializer};
 
 use super::codec;
-use crate::message::{Fields, Message, MessageInfo};
+use crate::message::{Message, MessageInfo};
 
 /// Declares the commands of the module with their replies.
 ///
@@ -87,18 +87,6 @@ macro_rules! commands {
                 match self {
                     Self::Bool { success, .. } => Success { success: *success }.payload(),
                     $($( Self::$reply(reply) => reply.payload(), )?)+
-                }
-            }
-
-            fn read(command: u8, parameters: &mut &[u8]) -> Option<Self> {
-                match command {
-                    $($( commands!(@id $id $reply) => {
-                        Some(Self::$reply($reply::take(command, parameters)?))
-                    } )?)+
-                    _ => {
-                        let Success { success } = Success::take(command, parameters)?;
-                        Some(Self::Bool { command, success })
-                    }
                 }
             }
         }
@@ -300,27 +288,6 @@ pub enum Refusal {
     },
 }
 
-impl Refusal {
-    /// Reads parameters by the declaration of their message, which says their number.
-    fn or<T>(
-        command: u8,
-        info: Option<&MessageInfo>,
-        parameters: &[u8],
-        read: impl FnOnce(&mut &[u8]) -> Option<T>,
-    ) -> Result<T, Self> {
-        let wanted = info.ok_or(Self::UnknownCommand(command))?.length;
-        let found = parameters.len();
-        let fits = found == wanted;
-        let mut parameters = parameters;
-        let read = fits.then(|| read(&mut parameters)).flatten();
-        read.ok_or(Self::WrongLength {
-            command,
-            wanted,
-            found,
-        })
-    }
-}
-
 impl Request {
     /// Reads a frame's command and parameters.
     ///
@@ -329,10 +296,17 @@ impl Request {
     /// # Errors
     /// An unknown command or a length that the command does not allow.
     pub fn parse(command: u8, parameters: &[u8]) -> Result<Self, Refusal> {
-        let info = Self::info_of(command);
-        let takes_any = info.is_some_and(|info| info.fields.is_empty());
-        let parameters = if takes_any { &[] } else { parameters };
-        Refusal::or(command, info, parameters, |rest| Self::take(command, rest))
+        let info = Self::info_of(command).ok_or(Refusal::UnknownCommand(command))?;
+        let takes_any = info.fields.is_empty();
+        let mut rest = if takes_any { &[] } else { parameters };
+        let (wanted, found) = (info.length, rest.len());
+        let fits = found == wanted;
+        let read = fits.then(|| Self::take(command, &mut rest)).flatten();
+        read.ok_or(Refusal::WrongLength {
+            command,
+            wanted,
+            found,
+        })
     }
 
     /// The command byte.
@@ -364,29 +338,5 @@ impl Reply {
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         codec::encode(self.command(), &self.parameters())
-    }
-
-    /// The fields by name.
-    #[must_use]
-    pub fn fields(&self) -> Fields {
-        self.info().fields(&self.parameters())
-    }
-
-    /// Reads a reply's command and parameters, as a client does.
-    ///
-    /// # Errors
-    /// An unknown command or a length that its reply does not have.
-    pub fn parse(command: u8, parameters: &[u8]) -> Result<Self, Refusal> {
-        let info = REPLIES.iter().find(|info| info.id == command);
-        Refusal::or(command, info, parameters, |rest| Self::read(command, rest))
-    }
-}
-
-impl Reply {
-    /// Reads a whole frame, as a client does; `None` for what is not a reply.
-    #[must_use]
-    pub fn of(frame: &[u8]) -> Option<Self> {
-        let (command, parameters) = codec::parts(frame)?;
-        Self::parse(command, parameters).ok()
     }
 }

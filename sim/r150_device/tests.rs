@@ -16,15 +16,37 @@ use rigsim_settings::SimTime;
 
 use super::R150Device;
 use super::codec;
-use super::command::{Reply, Request};
+use super::command::{
+    Motors, PwmInputs, PwmOutputs, REPLIES, Reply, Request, Success, SystemInfo, Version, code,
+};
 use super::settings::{NoiseSettings, R150FirmwareSettings};
 use super::vehicle::Start;
 use crate::event::EventKind;
+use crate::message::Message as _;
 use crate::noise::Noise;
 use crate::scanner::Decoded;
 
 /// The smallest step of simulated time.
 const QUANTUM: Duration = Duration::from_nanos(1);
+
+/// Reads a whole frame, as a client does; `None` for what is not a reply.
+pub(crate) fn read_reply(frame: &[u8]) -> Option<Reply> {
+    let (command, parameters) = codec::parts(frame)?;
+    let info = REPLIES.iter().find(|info| info.id == command)?;
+    let mut rest = Some(parameters).filter(|all| all.len() == info.length)?;
+    let rest = &mut rest;
+    Some(match command {
+        code::GetPwmOutputs => Reply::PwmOutputs(PwmOutputs::take(command, rest)?),
+        code::GetPwmInputs => Reply::PwmInputs(PwmInputs::take(command, rest)?),
+        code::SystemInfo => Reply::SystemInfo(SystemInfo::take(command, rest)?),
+        code::Version => Reply::Version(Version::take(command, rest)?),
+        code::SetMotors => Reply::Motors(Motors::take(command, rest)?),
+        _ => {
+            let Success { success } = Success::take(command, rest)?;
+            Reply::Bool { command, success }
+        }
+    })
+}
 
 /// Readings with a different number everywhere.
 pub(super) fn readings() -> R150Measurements {
@@ -135,7 +157,7 @@ impl Bench {
         for byte in frame {
             decoder.push(self.now, byte, &mut |decoded| {
                 if let Decoded::Frame(frame) = decoded {
-                    reply = Reply::of(&frame);
+                    reply = read_reply(&frame);
                 }
             });
         }
@@ -153,7 +175,7 @@ impl Bench {
         }
     }
 
-    fn info(&mut self) -> super::command::SystemInfo {
+    fn info(&mut self) -> SystemInfo {
         match self.ask(Request::SystemInfo) {
             Some(Reply::SystemInfo(info)) => info,
             other => panic!("{other:?}"),

@@ -28,6 +28,18 @@ impl Rig {
         self.client_puts(port, bytes);
         self.advance(now)
     }
+
+    /// Applies `change` to a device of this type; `None` if it has another type.
+    pub(crate) fn with_device<D: Device, T>(
+        &mut self,
+        device: usize,
+        change: impl FnOnce(&mut D, &mut World, SimTime) -> T,
+    ) -> Option<T> {
+        self.device::<D>(device)?;
+        self.with_any_device(device, |found, world, now| {
+            found.get_mut().map(|found| change(found, world, now))
+        })?
+    }
 }
 
 fn rig_with(wire: Wire, seed: u64, change: impl FnOnce(&mut R150Settings)) -> Rig {

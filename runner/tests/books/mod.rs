@@ -32,11 +32,13 @@ impl Books {
     /// Before a run, whose device keeps the balance of its energy from then on.
     pub fn open(run: &mut Run) {
         let rig = run.rig_mut();
-        rig.with_device(0, |r150: &mut R150, _, _| {
-            r150.plant.gear_mut().energy = Some(Energy::default())
-        });
-        rig.with_device(0, |car: &mut Mecanum, _, _| {
-            car.plant.gear_mut().energy = Some(Energy::default())
+        rig.with_any_device(0, |device, _, _| {
+            if let Some(r150) = device.get_mut::<R150>() {
+                r150.plant.gear_mut().energy = Some(Energy::default());
+            }
+            if let Some(car) = device.get_mut::<Mecanum>() {
+                car.plant.gear_mut().energy = Some(Energy::default());
+            }
         });
     }
 

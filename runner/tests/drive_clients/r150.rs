@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use rigsim_core::SimTime;
+use rigsim_core::message::Message as _;
 use rigsim_core::r150_device::codec;
-use rigsim_core::r150_device::command::{Motors, Reply, Request};
+use rigsim_core::r150_device::command::{Motors, Reply, Request, Success, SystemInfo, code};
 use rigsim_core::scanner::{Decoded, Scanner};
 
 use super::{Client, millis};
@@ -19,6 +20,19 @@ const STOP: Request = Request::SetMotors { right: 0, left: 0 };
 const CAMERA_ON: Request = Request::PowerControl { on: 1 };
 const ALL_OFF: Request = Request::PowerControl { on: 0 };
 const DRIVE: Duration = Duration::from_secs(6);
+
+/// Reads a whole frame as a reply to one of the commands of these clients.
+fn read(frame: &[u8]) -> Option<Reply> {
+    let (command, mut rest) = codec::parts(frame)?;
+    Some(match command {
+        code::SystemInfo => Reply::SystemInfo(SystemInfo::take(command, &mut rest)?),
+        code::SetMotors => Reply::Motors(Motors::take(command, &mut rest)?),
+        _ => {
+            let Success { success } = Success::take(command, &mut rest)?;
+            Reply::Bool { command, success }
+        }
+    })
+}
 
 /// Sends, waits for as many bytes as the answer should have, and takes everything for granted.
 pub(crate) fn naive(client: &Client) -> Option<()> {
@@ -75,7 +89,7 @@ impl<'c> Link<'c> {
             for byte in bytes {
                 self.decoder.push(now, byte, &mut |decoded| {
                     if let Decoded::Frame(frame) = decoded
-                        && let Some(reply) = Reply::of(&frame)
+                        && let Some(reply) = read(&frame)
                         && reply.command() == request.command()
                     {
                         fitting = Some(reply);

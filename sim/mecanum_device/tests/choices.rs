@@ -32,7 +32,7 @@ fn fields_may_be_big_endian_both_ways() {
     bench.device.handle_bytes(bench.now, Link::Main, &bytes);
     let (_, event) = bench.events().swap_remove(0);
     assert_eq!(event.bytes().unwrap(), &bytes[..]);
-    assert_eq!(bench.device.rotations(), [-1; 4]);
+    assert_eq!(bench.device.drive.rotations(), [-1; 4]);
     bench.run_ms(1300);
     assert_eq!(bench.tenths(), [-10; 4]);
     let packet = bench.output(Link::Main).pop().unwrap();
@@ -68,7 +68,7 @@ fn the_ros_link_may_drive_alone() {
         let reported = bench.codes().contains(&"ignored_for_ros");
         assert_eq!(reported, ros);
         bench.line("Y10\n");
-        assert_eq!(bench.device.rotations() == [-1, 1, 1, -1], ros);
+        assert_eq!(bench.device.drive.rotations() == [-1, 1, 1, -1], ros);
     }
 }
 
@@ -91,7 +91,7 @@ fn no_distance_may_be_endless() {
     let mut bench = with(|s| s.zero_distance = ZeroDistance::Endless);
     bench.go(0, 0, 500);
     bench.run_ms(10_000);
-    assert_eq!(bench.device.rotations(), [1; 4]);
+    assert_eq!(bench.device.drive.rotations(), [1; 4]);
     // Then only the speed stops it.
     bench.go(0, 0, 0);
     assert!(!bench.is_driving());
@@ -136,7 +136,7 @@ fn the_signs_of_turns_and_strafes_may_be_the_others() {
     });
     let mut check = |rotations: [i8; 4], act: &dyn Fn(&mut Bench)| {
         act(&mut bench);
-        assert_eq!(bench.device.rotations(), rotations);
+        assert_eq!(bench.device.drive.rotations(), rotations);
     };
     check([-1, 1, -1, 1], &|bench| bench.go(1, 10, 100));
     check([1, -1, 1, -1], &|bench| bench.go(1, 10, -100));

@@ -69,7 +69,7 @@ fn every_movement_by_the_pictures_letters_and_the_tables() {
         let sign = if negative { "-" } else { "" };
         let mut bench = Bench::with(true, |s| s.ascii_letters = AsciiLetters::Picture);
         bench.line(&format!("{letter}{sign}10 \n"));
-        assert_eq!(bench.device.rotations(), rotations, "{name}");
+        assert_eq!(bench.device.drive.rotations(), rotations, "{name}");
         // The table exchanges Y and Z.
         let letter = match letter {
             'Y' => 'Z',
@@ -78,7 +78,7 @@ fn every_movement_by_the_pictures_letters_and_the_tables() {
         };
         let mut bench = Bench::with_ros();
         bench.line(&format!("{letter}{sign}10 \n"));
-        assert_eq!(bench.device.rotations(), rotations, "{name}");
+        assert_eq!(bench.device.drive.rotations(), rotations, "{name}");
     }
 }
 
@@ -131,7 +131,7 @@ fn a_motor_at_a_port_that_is_not_driven_holds_and_one_that_is_missed_never_arriv
     bench.go(2, 10, 300);
     bench.run_ms(3000);
     assert_eq!(bench.tenths(), [-10, 10, 0, 10]);
-    assert_eq!(bench.device.rotations(), [0, 0, 0, -1]);
+    assert_eq!(bench.device.drive.rotations(), [0, 0, 0, -1]);
 }
 
 #[test]

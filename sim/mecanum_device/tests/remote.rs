@@ -26,7 +26,7 @@ fn in_remote_mode_the_operator_drives_and_motions_are_ignored() {
     bench
         .device
         .operate(bench.now, OperatorInput::Press(STRAFE_RIGHT));
-    assert_eq!(bench.device.rotations(), [1, -1, -1, 1]);
+    assert_eq!(bench.device.drive.rotations(), [1, -1, -1, 1]);
     assert!((bench.device.commands().speed_voltage - 0.6).abs() < 1e-12);
     bench.run_ms(2000);
     bench.device.operate(bench.now, OperatorInput::Release);
@@ -62,10 +62,10 @@ fn back_in_board_mode_the_key_has_no_effect() {
     mode(&mut bench, 0);
     assert!(!bench.is_driving());
     bench.go(0, 10, 100);
-    assert_eq!(bench.device.rotations(), [1; 4]);
+    assert_eq!(bench.device.drive.rotations(), [1; 4]);
     // The mode that already is changes nothing.
     mode(&mut bench, 0);
-    assert_eq!(bench.device.rotations(), [1; 4]);
+    assert_eq!(bench.device.drive.rotations(), [1; 4]);
 }
 
 #[test]

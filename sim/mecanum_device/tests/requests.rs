@@ -26,7 +26,7 @@ fn each_wheel_stops_by_itself() {
     bench.go(0, 5, 500);
     bench.stuck[1] = true;
     bench.until(MS(700));
-    assert_eq!(bench.device.rotations(), [0, 1, 0, 0]);
+    assert_eq!(bench.device.drive.rotations(), [0, 1, 0, 0]);
     assert_eq!(bench.last_status().moto_state, 0b10);
     bench.stuck[1] = false;
     bench.run_ms(600);
@@ -80,7 +80,7 @@ fn preemption_discards_what_runs_and_waits() {
     bench.events();
     bench.go(2, 1, 500);
     assert_eq!(bench.device.waiting(), 0);
-    assert_eq!(bench.device.rotations(), [-1, 1, 1, -1]);
+    assert_eq!(bench.device.drive.rotations(), [-1, 1, 1, -1]);
     let words = "3 motions discarded: another preempts";
     let discarded = EventKind::new(MOTIONS_DISCARDED, words);
     assert!(bench.events().contains(&(MS(100), discarded)));
@@ -137,7 +137,7 @@ fn speeds_beyond_500_are_clamped_and_reported() {
         let events = bench.events();
         assert_eq!(events.contains(&(MS(0), clamped)), reported, "{v}");
         let sign = if v < 0 { -1 } else { 1 };
-        assert_eq!(bench.device.rotations(), [sign; 4]);
+        assert_eq!(bench.device.drive.rotations(), [sign; 4]);
     }
 }
 
@@ -158,11 +158,11 @@ fn fields_out_of_range_are_reported() {
     bench.events();
     bench.go(5, 10, 100);
     // Not even the preemption of a motion that does not exist counts.
-    assert_eq!(bench.device.rotations(), [1; 4]);
+    assert_eq!(bench.device.drive.rotations(), [1; 4]);
     bench.send(Request::ControlMode { seq: 0, mode: 2 });
     assert!(!bench.device.is_remote());
     bench.motion(2, 1, 10, 100);
-    assert_eq!(bench.device.rotations(), [1, -1, 1, -1]);
+    assert_eq!(bench.device.drive.rotations(), [1, -1, 1, -1]);
     let events = bench.events();
     let wrong = events.iter().filter(|(_, event)| event.is_client_error());
     let wrong: Vec<_> = wrong

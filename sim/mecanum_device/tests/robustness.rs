@@ -177,7 +177,7 @@ proptest! {
     ) {
         let mut bench = Bench::new();
         bench.go(moving_idx, s, if negative { -v } else { v });
-        let rotations = bench.device.rotations();
+        let rotations = bench.device.drive.rotations();
         bench.until(SimTime::from_secs(25));
         prop_assert!(!bench.is_driving());
         let wanted = rotations.map(|rotation| i64::from(rotation) * i64::from(s));

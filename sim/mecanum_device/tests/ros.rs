@@ -49,13 +49,13 @@ fn a_line_preempts_unless_configured_otherwise() {
     let mut bench = Bench::with_ros();
     bench.line("X1000\n");
     bench.line("B-5\n");
-    assert_eq!(bench.device.rotations(), [-1, 0, 0, -1]);
+    assert_eq!(bench.device.drive.rotations(), [-1, 0, 0, -1]);
     bench.line("X0\n");
     assert!(!bench.is_driving());
     let mut bench = Bench::with(true, |s| s.ascii_preempt = false);
     bench.line("X1000\n");
     bench.line("B-5\n");
-    assert_eq!(bench.device.rotations(), [1; 4]);
+    assert_eq!(bench.device.drive.rotations(), [1; 4]);
     assert_eq!(bench.device.waiting(), 1);
 }
 
@@ -66,9 +66,9 @@ fn both_links_command_the_same_wheels() {
     bench.motion(0, 2, 10, 100);
     assert_eq!(bench.device.waiting(), 1);
     bench.go(1, 10, 100);
-    assert_eq!(bench.device.rotations(), [1, -1, 1, -1]);
+    assert_eq!(bench.device.drive.rotations(), [1, -1, 1, -1]);
     bench.line("X10\n");
-    assert_eq!(bench.device.rotations(), [1; 4]);
+    assert_eq!(bench.device.drive.rotations(), [1; 4]);
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn bad_lines_are_reported_and_change_nothing() {
     bench.line("Q5\nX99999\n");
     bench.line("X00000000000000000000000000000001000000\n");
     assert_eq!(bench.codes(), ["bad_line", "bad_number", "line_too_long"]);
-    assert_eq!(bench.device.rotations(), [1; 4]);
+    assert_eq!(bench.device.drive.rotations(), [1; 4]);
     bench.line("Q\u{FF}\n");
     let event = bench.events().pop().unwrap().1;
     assert!(event.is_client_error());

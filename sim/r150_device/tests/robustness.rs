@@ -149,7 +149,7 @@ proptest! {
         let mut bad = Vec::new();
         for byte in replies {
             decoder.push(SimTime::ZERO, byte, &mut |decoded| match decoded {
-                Decoded::Frame(frame) if Reply::of(&frame).is_some() => {}
+                Decoded::Frame(frame) if read_reply(&frame).is_some() => {}
                 other => bad.push(other),
             });
         }
