@@ -3,12 +3,13 @@
 use std::any::Any;
 use std::fmt;
 
+use dyn_clone::DynClone;
 use rigsim_settings::Settings;
 
 use crate::line::Adapter;
 
 /// The settings of one device, all in one tree.
-pub trait DeviceSettings: Settings + Copied + Same + Any + fmt::Debug + Send + Sync {
+pub trait DeviceSettings: Settings + DynClone + Same + Any + fmt::Debug + Send + Sync {
     /// Returns the speed of the device's end of a link, bits per second. Bytes have 8 data bits, no parity
     /// and one stop bit.
     fn baud(&self, link: usize) -> u32;
@@ -39,23 +40,7 @@ impl<T: PartialEq + Any> Same for T {
     }
 }
 
-/// Copies settings of any type; whatever can be cloned has it.
-pub trait Copied {
-    /// A copy.
-    fn copied(&self) -> Box<dyn DeviceSettings>;
-}
-
-impl<T: DeviceSettings + Clone> Copied for T {
-    fn copied(&self) -> Box<dyn DeviceSettings> {
-        Box::new(self.clone())
-    }
-}
-
-impl Clone for Box<dyn DeviceSettings> {
-    fn clone(&self) -> Self {
-        (**self).copied()
-    }
-}
+dyn_clone::clone_trait_object!(DeviceSettings);
 
 impl PartialEq for dyn DeviceSettings {
     fn eq(&self, other: &Self) -> bool {
