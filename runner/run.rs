@@ -205,7 +205,7 @@ impl Run {
             .trace
             .then(|| Recorder::new(&scenario, world, options));
         let mut run = Self {
-            ports: Ports::new(ids, devices),
+            ports: Ports::new(ids),
             agenda: Agenda::default(),
             steps: StepState::all(&scenario, options.seed),
             expectations: Expectations::new(&scenario),
