@@ -19,7 +19,6 @@
 mod form;
 mod written;
 
-use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -195,15 +194,8 @@ fn apply(
     prefix: &str,
     settings: &mut SimSettings,
 ) {
-    // Where each error is, in their order.
-    let places = RefCell::new(Vec::new());
-    let place = |at| {
-        places.borrow_mut().push(at);
-        problems.origin(at)
-    };
-    let errors = apply_table(&place, table, prefix, settings).err();
-    let errors = errors.into_iter().flatten();
-    problems.add_settings(places.take().into_iter().zip(errors));
+    let errors = apply_table(&|at| problems.origin(at), table, prefix, settings);
+    problems.add_settings(errors);
 }
 
 /// The device's id, with a number if there are several of it.

@@ -66,43 +66,40 @@ pub fn load_toml(
 ) -> Result<(), Vec<SettingsError>> {
     let source = Source { file, text };
     let table = DeTable::parse(text).map_err(|error| vec![source.syntax(&error)])?;
-    apply_table(&|at| source.place(at), table.get_ref(), "", settings)
+    let errors = apply_table(&|at| source.place(at), table.get_ref(), "", settings);
+    match errors.is_empty() {
+        true => Ok(()),
+        false => Err(errors.into_iter().map(|(_, error)| error).collect()),
+    }
 }
 
 /// Applies a table of a TOML document to `settings`; its keys are relative to `prefix`, and `place`
-/// says where the byte with an index is.
-///
-/// # Errors
-/// As [`load_toml`].
+/// says where the byte with an index is. Returns what was refused, each with the byte where it stands.
 pub fn apply_table(
     place: &dyn Fn(usize) -> Origin,
     table: &DeTable<'_>,
     prefix: &str,
     settings: &mut dyn Settings,
-) -> Result<(), Vec<SettingsError>> {
+) -> Vec<(usize, SettingsError)> {
     let mut errors = Vec::new();
     walk(table, prefix, &mut |key, key_at, value| {
         if errors.len() >= MOST_ERRORS {
             return;
         }
-        let origin = |problem: &Problem| match problem {
-            Problem::Invalid { .. } => place(value.span().start),
-            Problem::UnknownKey | Problem::IsGroup => place(key_at),
-        };
         let plain = plain(value.get_ref());
         // A known group with nothing in it changes nothing, as a saved file may have been cut to.
         let empty = matches!(value.get_ref(), DeValue::Table(_));
         if let Err(problem) = settings.assign(key, &plain)
             && !(empty && problem == Problem::IsGroup)
         {
-            errors.push(explain(settings, key, origin(&problem), problem));
+            let at = match problem {
+                Problem::Invalid { .. } => value.span().start,
+                Problem::UnknownKey | Problem::IsGroup => key_at,
+            };
+            errors.push((at, explain(settings, key, place(at), problem)));
         }
     });
-    if errors.is_empty() {
-        Ok(())
-    } else {
-        Err(errors)
-    }
+    errors
 }
 
 /// Splits `KEY=VALUE` as a flag gives it; the value may be a TOML literal or a bare word.
