@@ -31,7 +31,7 @@ use crate::device::parameters::LinkName;
 use crate::device::{DeviceSpec, Devices, Effect, EffectInfo, Effects, effects};
 pub use body::BodyFault;
 pub use firmware::FirmwareFault;
-pub use frames::{Changed, FrameFault, Frames, WrongLength};
+pub use frames::{FrameFault, Frames, WrongLength};
 pub use hands::{Hands, Place};
 pub use motors::MotorFault;
 pub use surroundings::{MoveText, Surroundings};

@@ -131,9 +131,14 @@ impl Effect for FrameFault {
 }
 
 impl FrameFault {
-    fn change(&self, framing: &Framing, frame: Vec<u8>, before: Option<Vec<u8>>) -> Changed {
+    fn change(
+        &self,
+        framing: &Framing,
+        frame: Vec<u8>,
+        before: Option<Vec<u8>>,
+    ) -> Option<Vec<Later>> {
         let at_once = |frame| vec![(Duration::ZERO, frame)];
-        Changed::To(match self {
+        Some(match self {
             Self::WrongCommand { with, .. } => at_once(framing.with_command(frame, *with)),
             Self::WrongLength { by, what, .. } => at_once(with_length(framing, frame, *by, *what)),
             Self::TornReply { .. } => {
@@ -143,27 +148,20 @@ impl FrameFault {
             Self::LateReply { by, .. } => vec![(by.0, frame)],
             Self::ReplyTwice { .. } => [at_once(frame.clone()), at_once(frame)].concat(),
             Self::MissingReply { .. } => Vec::new(),
-            Self::PreviousReply { .. } => match before {
-                Some(before) => at_once(before),
-                None => return Changed::Nothing(frame),
-            },
-            Self::UnsolicitedFrame { .. } => return Changed::Nothing(frame),
+            Self::PreviousReply { .. } => at_once(before?),
+            Self::UnsolicitedFrame { .. } => return None,
         })
     }
 }
 
-/// What a fault makes of a frame.
-pub enum Changed {
-    /// Nothing else.
-    Nothing(Vec<u8>),
-    /// These frames, each so much later.
-    To(Vec<(Duration, Vec<u8>)>),
-}
+/// A frame that is sent so much later.
+pub type Later = (Duration, Vec<u8>);
 
 /// Most frames that all faults together make of one.
 const MOST_OF_ONE: usize = 16;
 
-/// A fault of frames at work: `change` gets a frame and the one before it.
+/// A fault of frames at work: `change` gets a frame and the one before it, and returns what is sent
+/// instead; nothing if the frame stays as it is.
 pub struct Frames<F> {
     framing: Framing,
     scope: Scope,
@@ -176,7 +174,7 @@ pub struct Frames<F> {
 
 impl<F> Frames<F>
 where
-    F: Fn(&Framing, Vec<u8>, Option<Vec<u8>>) -> Changed + Send + Sync,
+    F: Fn(&Framing, Vec<u8>, Option<Vec<u8>>) -> Option<Vec<Later>> + Send + Sync,
 {
     /// A fault that changes the frames that its scope says.
     pub fn new(at: &Begin<'_>, scope: Scope, change: F) -> Self {
@@ -194,7 +192,7 @@ where
 
 impl<F> OnFrames for Frames<F>
 where
-    F: Fn(&Framing, Vec<u8>, Option<Vec<u8>>) -> Changed + Send + Sync,
+    F: Fn(&Framing, Vec<u8>, Option<Vec<u8>>) -> Option<Vec<Later>> + Send + Sync,
 {
     fn pass(&mut self, frames: &mut Vec<TimedFrame>, tally: &mut Tally) {
         let (command, most) = (self.scope.command, self.scope.count);
@@ -203,14 +201,10 @@ where
             let wanted = command.is_none_or(|command| self.framing.is_command(&frame, command));
             let happens = wanted && self.noise.uniform() < chance && tally.is_below(most);
             let before = self.previous.replace(frame.clone());
-            let changed = if happens {
-                (self.change)(&self.framing, frame.clone(), before)
-            } else {
-                Changed::Nothing(frame.clone())
-            };
-            match changed {
-                Changed::Nothing(frame) => frames.push((at, frame)),
-                Changed::To(changed) => {
+            let changed = happens.then(|| (self.change)(&self.framing, frame.clone(), before));
+            match changed.flatten() {
+                None => frames.push((at, frame)),
+                Some(changed) => {
                     tally.hit(|| (self.framing.name)(&frame));
                     frames.extend(changed.into_iter().map(|(by, frame)| (at + by, frame)));
                 }

@@ -10,7 +10,7 @@ use crate::device::parameters::{Motors, Scope};
 use crate::device::{
     Begin, Declared, Device, Effect, EffectError, MotorState, OnHardware, Sum, Tally, Work,
 };
-use crate::effect::{Changed, Frames, defaults};
+use crate::effect::{Frames, defaults};
 use crate::message::Message;
 use crate::noise::Noise;
 use crate::r150_device::can::CanFailure;
@@ -183,7 +183,7 @@ impl Effect for R150Fault {
                     if let Some(last) = frame.last_mut() {
                         *last ^= 0xFF;
                     }
-                    Changed::To(vec![(Duration::ZERO, frame)])
+                    Some(vec![(Duration::ZERO, frame)])
                 },
             ))),
             _ => Work::Hardware(Box::new(AtWork {
