@@ -16,7 +16,6 @@ use crate::schema;
 
 /// A choice of one form and of its values; any numbers are one. What they mean is up to the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub struct Choice {
     form: u8,
     values: [u8; 6],

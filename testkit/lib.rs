@@ -2,8 +2,8 @@
 //!
 //! Each function takes an input, plays it, and panics if a promise is broken. Two things call them:
 //! the property tests in `tests/` of this crate, which shrink what fails, and the fuzz targets in
-//! `fuzz/`, which are guided by what code an input reaches. Both generate the same types from one
-//! declaration, so an operation that is added to [`operation::Operation`] is played by both.
+//! `fuzz/`, which are guided by what code an input reaches. Both make the same types of bytes, so an
+//! operation that is added to [`operation::Operation`] is played by both.
 //!
 //! | module | input | promises |
 //! |---|---|---|
@@ -50,12 +50,4 @@ pub fn alone(id: &str) -> Devices {
     groups
         .find(|devices| devices[0].id == id)
         .unwrap_or_else(|| panic!("there is no {id}"))
-}
-
-/// Fewer than `most` of anything.
-#[cfg(feature = "proptest")]
-fn some<T: proptest::arbitrary::Arbitrary>(
-    most: usize,
-) -> impl proptest::strategy::Strategy<Value = Vec<T>> {
-    proptest::collection::vec(proptest::arbitrary::any::<T>(), 0..most)
 }

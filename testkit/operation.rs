@@ -11,10 +11,8 @@ use crate::choice::Choice;
 
 /// Something that is done.
 #[derive(Debug, Clone, PartialEq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Operation {
     /// A client sends.
-    #[cfg_attr(feature = "proptest", proptest(weight = 6))]
     Send {
         /// On which port.
         port: u8,
@@ -22,12 +20,10 @@ pub enum Operation {
         message: Message,
     },
     /// Time passes.
-    #[cfg_attr(feature = "proptest", proptest(weight = 5))]
     Wait(Wait),
     /// Time passes from event to event, so many times.
     Follow(u8),
     /// A client reads what has arrived.
-    #[cfg_attr(feature = "proptest", proptest(weight = 2))]
     Read {
         /// On which port.
         port: u8,
@@ -54,7 +50,6 @@ pub enum Operation {
         cooked: bool,
     },
     /// Something breaks, or a person or the world does something.
-    #[cfg_attr(feature = "proptest", proptest(weight = 6))]
     Apply {
         /// To which device.
         device: u8,
@@ -64,7 +59,6 @@ pub enum Operation {
         effect: Choice,
     },
     /// An effect ends.
-    #[cfg_attr(feature = "proptest", proptest(weight = 2))]
     Clear {
         /// Index among those that were applied, ended already or not.
         which: u8,
@@ -80,7 +74,6 @@ pub enum Operation {
 
 /// Time that passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Wait {
     /// In the order of a bit.
     Nanoseconds(u16),
@@ -113,13 +106,10 @@ impl Wait {
 
 /// Message of a client.
 #[derive(Debug, Clone, PartialEq, Eq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Message {
     /// A command that the device knows.
-    #[cfg_attr(feature = "proptest", proptest(weight = 8))]
     Command(Choice),
     /// One in the form of the link, with something wrong in it.
-    #[cfg_attr(feature = "proptest", proptest(weight = 3))]
     Spoilt {
         /// The command as it should be.
         command: Choice,

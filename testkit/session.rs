@@ -39,15 +39,12 @@ const MOST_CHANGES: usize = 20;
 
 /// A session.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub struct Session {
     /// Setup at the start.
     pub setup: Setup,
     /// Settings that are not as they are by default, maybe.
-    #[cfg_attr(feature = "proptest", proptest(strategy = "crate::some(5)"))]
     pub settings: Vec<SettingChoice>,
     /// Operations, in order.
-    #[cfg_attr(feature = "proptest", proptest(strategy = "crate::some(40)"))]
     pub operations: Vec<Operation>,
 }
 

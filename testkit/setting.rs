@@ -9,7 +9,6 @@ use crate::schema;
 
 /// A choice of a setting and its value; any numbers are one.
 #[derive(Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub struct SettingChoice {
     which: u16,
     value: u8,

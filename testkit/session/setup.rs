@@ -12,7 +12,6 @@ use super::Player;
 
 /// Setup at the start.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub struct Setup {
     /// Bytes take no time.
     pub instant: bool,

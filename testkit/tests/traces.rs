@@ -3,6 +3,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod made;
+
 use std::time::Duration;
 
 use proptest::prelude::*;
@@ -55,7 +57,7 @@ struct Recording {
     /// Of everything random.
     seed: u64,
     /// Operations of the clients.
-    #[proptest(strategy = "prop::collection::vec(any::<Operation>(), 0..40)")]
+    #[proptest(strategy = "made::operations()")]
     operations: Vec<Operation>,
 }
 
