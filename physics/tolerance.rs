@@ -2,7 +2,7 @@
 
 use crate::noise::Noise;
 
-rigsim_settings::choices! {
+rigsim_settings::words! {
     /// Source of the spread between the vehicles of one make.
     pub enum Tolerances {
         /// In the first run of a repetition by the name, in each further one by the seed.

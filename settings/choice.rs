@@ -1,6 +1,25 @@
 //! Settings that are one of a few words.
 
-/// Declares enums whose variants are words.
+use std::convert::Infallible;
+
+use schemars::json_schema;
+
+use crate::value::{Allowed, Bounds, SettingValue, Value};
+
+/// Declares enums whose variants are words, as settings may have them.
+///
+/// ```
+/// rigsim_settings::words! {
+///     /// What happens to a request that comes too soon.
+///     pub enum OverRate {
+///         /// It gets no reply.
+///         Silent = "silent",
+///         /// It is answered like any other.
+///         Answer = "answer",
+///     }
+/// }
+/// assert_eq!(OverRate::Silent.as_str(), "silent");
+/// ```
 #[macro_export]
 macro_rules! words {
     ($(
@@ -33,6 +52,14 @@ macro_rules! words {
             }
         }
 
+        impl $crate::Words for $name {
+            const WORDS: &'static [Self] = &Self::ALL;
+
+            fn word(self) -> &'static str {
+                self.as_str()
+            }
+        }
+
         impl std::fmt::Display for $name {
             fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 f.write_str(self.as_str())
@@ -60,65 +87,38 @@ macro_rules! file_words {
     };
 }
 
-/// Declares [words](crate::words) that settings may have.
-///
-/// ```
-/// rigsim_settings::choices! {
-///     /// What happens to a request that comes too soon.
-///     pub enum OverRate {
-///         /// It gets no reply.
-///         Silent = "silent",
-///         /// It is answered like any other.
-///         Answer = "answer",
-///     }
-/// }
-/// assert_eq!(OverRate::Silent.as_str(), "silent");
-/// ```
-#[macro_export]
-macro_rules! choices {
-    ($(
-        $(#[$meta:meta])*
-        $vis:vis enum $name:ident {
-            $( $(#[$variant_meta:meta])* $variant:ident = $word:literal ),+ $(,)?
-        }
-    )+) => { $(
-        $crate::words! {
-            $(#[$meta])*
-            $vis enum $name {
-                $( $(#[$variant_meta])* $variant = $word ),+
-            }
-        }
+/// An enum that [`words!`](crate::words) has declared.
+pub trait Words: Copy + 'static {
+    /// All, in order of declaration.
+    const WORDS: &'static [Self];
 
-        impl $crate::SettingValue for $name {
-            type Bound = std::convert::Infallible;
+    /// The word that stands for it.
+    fn word(self) -> &'static str;
+}
 
-            fn read(value: &$crate::Value, _unit: &str) -> Result<Self, String> {
-                // `--set key=false` arrives as a boolean, which may be meant as the word.
-                let text = match value {
-                    $crate::Value::Text(text) => text.clone(),
-                    $crate::Value::Bool(flag) => flag.to_string(),
-                    other => return Err(format!("{other} is not a word")),
-                };
-                Self::ALL
-                    .iter()
-                    .copied()
-                    .find(|choice| choice.as_str() == text)
-                    .ok_or_else(|| format!("{value} is not one of the choices"))
-            }
+impl<T: Words> SettingValue for T {
+    type Bound = Infallible;
 
-            fn show(&self, _unit: &str) -> String {
-                format!("\"{}\"", self.as_str())
-            }
+    fn read(value: &Value, _unit: &str) -> Result<Self, String> {
+        // `--set key=false` arrives as a boolean, which may be meant as the word.
+        let text = match value {
+            Value::Text(text) => text.clone(),
+            Value::Bool(flag) => flag.to_string(),
+            other => return Err(format!("{other} is not a word")),
+        };
+        let mut words = Self::WORDS.iter().copied();
+        words
+            .find(|choice| choice.word() == text)
+            .ok_or_else(|| format!("{value} is not one of the choices"))
+    }
 
-            fn allowed(
-                _unit: &str,
-                _bounds: Option<&$crate::Bounds<Self::Bound>>,
-            ) -> $crate::Allowed {
-                let words = Self::ALL.map(|choice| choice.as_str());
-                let quoted = words.map(|word| format!("\"{word}\""));
-                let schema = $crate::private::schemars::json_schema!({"enum": words.to_vec()});
-                $crate::Allowed::any(quoted.join(", "), schema)
-            }
-        }
-    )+ };
+    fn show(&self, _unit: &str) -> String {
+        format!("\"{}\"", self.word())
+    }
+
+    fn allowed(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Allowed {
+        let quoted: Vec<String> = Self::WORDS.iter().map(|choice| choice.show("")).collect();
+        let words: Vec<&str> = Self::WORDS.iter().map(|choice| choice.word()).collect();
+        Allowed::any(quoted.join(", "), json_schema!({ "enum": words }))
+    }
 }

@@ -21,6 +21,7 @@ mod time;
 mod value;
 mod written;
 
+pub use choice::Words;
 pub use document::{
     Source, apply_table, load_toml, nearest, parse_assignment, schema_of, set, show_entry,
     show_toml,

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use crate::*;
 
-choices! {
+words! {
     /// What to do.
     pub enum Action {
         /// Nothing.

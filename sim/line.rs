@@ -3,7 +3,7 @@
 mod direction;
 pub mod event;
 
-use rigsim_settings::{SimTime, choices};
+use rigsim_settings::{SimTime, words};
 
 pub use crate::uart::{Adapter, UART_FIFO};
 pub use rigsim_settings::ClientLine;
@@ -12,7 +12,7 @@ use crate::event::{Code, EventKind, code};
 use crate::uart::Inbox;
 use direction::{Direction, Ends, matches};
 
-choices! {
+words! {
     /// Pace of bytes on the line.
     pub enum Wire {
         /// Each byte takes its ten bits, or eleven with two stop bits, at the sender's baud rate,

@@ -56,7 +56,7 @@ rigsim_settings::settings! {
     }
 }
 
-rigsim_settings::choices! {
+rigsim_settings::words! {
     /// State of a motor at PWM 0.
     pub enum AtZeroPwm {
         /// Its bridge shorts it: the vehicle brakes.

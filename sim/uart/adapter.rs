@@ -3,11 +3,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use rigsim_settings::{SimTime, choices};
+use rigsim_settings::{SimTime, words};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-choices! {
+words! {
     /// Adapter between a client's computer and the line.
     #[derive(Default, Deserialize, JsonSchema)]
     #[serde(rename_all = "kebab-case")]

@@ -1,8 +1,8 @@
 //! Settings of the firmware that are one of a few words.
 
-use rigsim_settings::choices;
+use rigsim_settings::words;
 
-choices! {
+words! {
     /// Order of the bytes in a field.
     pub enum ByteOrder {
         /// The least significant first.

@@ -1,8 +1,8 @@
 //! Settings of the firmware that are one of a few words.
 
-use rigsim_settings::choices;
+use rigsim_settings::words;
 
-choices! {
+words! {
     /// Treatment of a motor command that comes sooner than the reply interval allows.
     pub enum OverRate {
         /// It takes effect and gets no reply.
