@@ -149,9 +149,7 @@ impl MecanumDevice {
         for &byte in bytes {
             match link {
                 Link::Main => {
-                    let mut found = Vec::new();
-                    self.decoder
-                        .push(now, byte, &mut |decoded| found.push(decoded));
+                    let found = self.decoder.push(now, byte);
                     self.handle(now, found);
                 }
                 Link::Ros if self.ros_configured => {
@@ -290,8 +288,7 @@ impl Firmware for MecanumDevice {
             self.miss_packets(now);
             return;
         }
-        let mut found = Vec::new();
-        self.decoder.expire(now, &mut |decoded| found.push(decoded));
+        let found = self.decoder.expire(now);
         self.handle(now, found);
         let timed_out = self.link_deadline().is_some_and(|due| due <= now);
         if timed_out && self.shell.defects.watchdog_off {

@@ -131,9 +131,7 @@ impl R150Device {
             return;
         }
         for &byte in bytes {
-            let mut found = Vec::new();
-            self.decoder
-                .push(now, byte, &mut |decoded| found.push(decoded));
+            let found = self.decoder.push(now, byte);
             self.handle(now, found);
         }
     }
@@ -293,8 +291,7 @@ impl Firmware for R150Device {
 
     fn serve(&mut self, now: SimTime) {
         self.can.update(now, self.motors.set_point);
-        let mut found = Vec::new();
-        self.decoder.expire(now, &mut |decoded| found.push(decoded));
+        let found = self.decoder.expire(now);
         self.handle(now, found);
         if self.control.expire(now, &self.settings) {
             let text = "heartbeat lost: no valid frame in time, control went back to the app";

@@ -153,11 +153,13 @@ impl Scanner {
         }
     }
 
-    /// Takes one byte; hands whatever it completes to `found`.
-    pub fn push(&mut self, now: SimTime, byte: u8, found: &mut impl FnMut(Decoded)) {
+    /// Takes one byte; returns whatever it completes.
+    pub fn push(&mut self, now: SimTime, byte: u8) -> Vec<Decoded> {
+        let mut found = Vec::new();
         self.last_byte = now;
         self.buffer.push(byte);
-        self.scan(found);
+        self.scan(&mut found);
+        found
     }
 
     /// Time at which the bytes held so far are given up, unless more come.
@@ -167,22 +169,24 @@ impl Scanner {
             .then(|| self.last_byte + self.inter_byte_timeout)
     }
 
-    /// Reports what is held if its deadline is `now` or earlier.
-    pub fn expire(&mut self, now: SimTime, found: &mut impl FnMut(Decoded)) {
+    /// Returns what is held if its deadline is `now` or earlier.
+    pub fn expire(&mut self, now: SimTime) -> Vec<Decoded> {
+        let mut found = Vec::new();
         if self.deadline().is_none_or(|deadline| deadline > now) {
-            return;
+            return found;
         }
         // Every round takes at least one byte off a buffer shorter than a frame.
         while !self.buffer.is_empty() {
             if self.reported == 0 {
-                self.flush_noise(found);
-                found(Decoded::Partial(self.buffer.clone()));
+                self.flush_noise(&mut found);
+                found.push(Decoded::Partial(self.buffer.clone()));
                 self.reported = self.buffer.len();
             }
-            self.skip(1, found);
-            self.scan(found);
+            self.skip(1, &mut found);
+            self.scan(&mut found);
         }
-        self.flush_noise(found);
+        self.flush_noise(&mut found);
+        found
     }
 
     /// Forgets everything held, as a reset does.
@@ -193,7 +197,7 @@ impl Scanner {
     }
 
     /// Takes frames and noise off the buffer until it holds a possible beginning only.
-    fn scan(&mut self, found: &mut impl FnMut(Decoded)) {
+    fn scan(&mut self, found: &mut Vec<Decoded>) {
         loop {
             let messages = || self.messages.iter().copied();
             let part = |at: usize| match self.form.part(&self.buffer[at..], messages()) {
@@ -207,12 +211,12 @@ impl Scanner {
                 Some((_, Part::Frame(length))) => {
                     self.flush_noise(found);
                     self.reported = self.reported.saturating_sub(length);
-                    found(Decoded::Frame(self.buffer.drain(..length).collect()));
+                    found.push(Decoded::Frame(self.buffer.drain(..length).collect()));
                 }
                 Some((_, Part::Wrong(length))) => {
                     if self.reported == 0 {
                         self.flush_noise(found);
-                        found(Decoded::Wrong(self.buffer[..length].to_vec()));
+                        found.push(Decoded::Wrong(self.buffer[..length].to_vec()));
                         self.reported = length;
                     }
                     self.skip(1, found);
@@ -222,7 +226,7 @@ impl Scanner {
     }
 
     /// Drops `count` bytes from the front; those that no report has covered are noise.
-    fn skip(&mut self, count: usize, found: &mut impl FnMut(Decoded)) {
+    fn skip(&mut self, count: usize, found: &mut Vec<Decoded>) {
         let silent = count.min(self.reported);
         self.reported -= silent;
         self.noise.extend_from_slice(&self.buffer[silent..count]);
@@ -232,9 +236,9 @@ impl Scanner {
         }
     }
 
-    fn flush_noise(&mut self, found: &mut impl FnMut(Decoded)) {
+    fn flush_noise(&mut self, found: &mut Vec<Decoded>) {
         if !self.noise.is_empty() {
-            found(Decoded::Noise(std::mem::take(&mut self.noise)));
+            found.push(Decoded::Noise(std::mem::take(&mut self.noise)));
         }
     }
 }

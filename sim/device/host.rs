@@ -84,10 +84,8 @@ struct Frames {
 
 impl FrameReader for Frames {
     fn push(&mut self, now: SimTime, byte: u8) -> Vec<Frame> {
-        let mut found = Vec::new();
-        self.scanner.expire(now, &mut |decoded| found.push(decoded));
-        self.scanner
-            .push(now, byte, &mut |decoded| found.push(decoded));
+        let mut found = self.scanner.expire(now);
+        found.extend(self.scanner.push(now, byte));
         let frame = |decoded| match decoded {
             Decoded::Frame(bytes) => self.frame(bytes),
             Decoded::Wrong(bytes) => Frame {

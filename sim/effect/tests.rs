@@ -196,11 +196,11 @@ fn frames(bytes: &[u8]) -> Vec<Reply> {
     let mut decoder = codec::decoder(MS(1000));
     let mut found = Vec::new();
     for &byte in bytes {
-        decoder.push(SimTime::ZERO, byte, &mut |decoded| {
+        for decoded in decoder.push(SimTime::ZERO, byte) {
             if let Decoded::Frame(frame) = decoded {
                 found.extend(read_reply(&frame));
             }
-        });
+        }
     }
     found
 }
@@ -234,11 +234,11 @@ fn statuses(bytes: &[u8]) -> Vec<Status> {
     let mut decoder = packets::decoder::<Status>(MS(1000));
     let mut found = Vec::new();
     for &byte in bytes {
-        decoder.push(SimTime::ZERO, byte, &mut |decoded| {
+        for decoded in decoder.push(SimTime::ZERO, byte) {
             if let Decoded::Frame(packet) = decoded {
                 found.extend(packets::parse::<Status>(&packet, ByteOrder::Little));
             }
-        });
+        }
     }
     found
 }

@@ -155,11 +155,11 @@ impl Bench {
         let mut reply = None;
         let mut decoder = codec::decoder(Duration::from_secs(1));
         for byte in frame {
-            decoder.push(self.now, byte, &mut |decoded| {
+            for decoded in decoder.push(self.now, byte) {
                 if let Decoded::Frame(frame) = decoded {
                     reply = read_reply(&frame);
                 }
-            });
+            }
         }
         reply
     }

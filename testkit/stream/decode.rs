@@ -27,10 +27,10 @@ pub(super) fn decodes(
     for (piece, long) in stream.pieces() {
         end += piece.len();
         for &byte in piece {
-            decoder.push(now, byte, &mut |decoded| found.push(decoded));
+            found.extend(decoder.push(now, byte));
         }
         now += if long { TIMEOUT } else { BREATH };
-        decoder.expire(now, &mut |decoded| found.push(decoded));
+        found.extend(decoder.expire(now));
         if long {
             assert_eq!(decoder.deadline(), None, "something is held for ever");
             let part = &stream.bytes[begin..end];

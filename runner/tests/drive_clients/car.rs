@@ -150,17 +150,17 @@ impl Car<'_> {
                 Some((now, bytes)) if link == MAIN => {
                     for byte in bytes {
                         let mut found = None;
-                        self.decoder.push(now, byte, &mut |decoded| {
+                        for decoded in self.decoder.push(now, byte) {
                             if let Decoded::Frame(packet) = decoded {
                                 found = codec::parse(&packet, ByteOrder::Little);
                             }
-                        });
+                        }
                         found
                             .filter(is_likely)
                             .into_iter()
                             .for_each(|status| self.take(status));
                     }
-                    self.decoder.expire(now, &mut |_| {});
+                    self.decoder.expire(now);
                 }
                 Some(_) => {}
                 None => drop(self.client.ask(Ask::Open(link))),

@@ -87,16 +87,16 @@ impl<'c> Link<'c> {
             let (now, bytes) = self.client.ask(Ask::Read(0, 64, Some(millis(5))))?;
             self.now = now;
             for byte in bytes {
-                self.decoder.push(now, byte, &mut |decoded| {
+                for decoded in self.decoder.push(now, byte) {
                     if let Decoded::Frame(frame) = decoded
                         && let Some(reply) = read(&frame)
                         && reply.command() == request.command()
                     {
                         fitting = Some(reply);
                     }
-                });
+                }
             }
-            self.decoder.expire(now, &mut |_| {});
+            self.decoder.expire(now);
         }
         if fitting.is_some() {
             self.heard = self.now;

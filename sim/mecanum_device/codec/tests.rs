@@ -14,13 +14,13 @@ fn decode<P: Message>(chunks: &[&[u8]], gap: Duration) -> Vec<Decoded> {
     let mut found = Vec::new();
     let mut now = SimTime::ZERO;
     for chunk in chunks {
-        decoder.expire(now - NANO, &mut |d| found.push(d));
+        found.extend(decoder.expire(now - NANO));
         for &byte in *chunk {
-            decoder.push(now, byte, &mut |d| found.push(d));
+            found.extend(decoder.push(now, byte));
         }
         now += gap;
     }
-    decoder.expire(SimTime::MAX, &mut |d| found.push(d));
+    found.extend(decoder.expire(SimTime::MAX));
     found
 }
 
@@ -141,12 +141,12 @@ fn a_reset_forgets_what_is_held() {
     let mut decoder = decoder::<Request>(TIMEOUT);
     let mut found = Vec::new();
     for byte in [0xFF, 0, 9, 1] {
-        decoder.push(SimTime::ZERO, byte, &mut |d| found.push(d));
+        found.extend(decoder.push(SimTime::ZERO, byte));
     }
     assert_eq!(decoder.deadline(), Some(SimTime::ZERO + TIMEOUT));
     decoder.clear();
     assert_eq!(decoder.deadline(), None);
-    decoder.expire(SimTime::MAX, &mut |d| found.push(d));
+    found.extend(decoder.expire(SimTime::MAX));
     assert_eq!(found, []);
 }
 

@@ -12,13 +12,13 @@ fn decode(chunks: &[&[u8]], gap: Duration) -> Vec<Decoded> {
     let mut found = Vec::new();
     let mut now = SimTime::ZERO;
     for chunk in chunks {
-        decoder.expire(now - Duration::from_nanos(1), &mut |d| found.push(d));
+        found.extend(decoder.expire(now - Duration::from_nanos(1)));
         for &byte in *chunk {
-            decoder.push(now, byte, &mut |d| found.push(d));
+            found.extend(decoder.push(now, byte));
         }
         now += gap;
     }
-    decoder.expire(SimTime::MAX, &mut |d| found.push(d));
+    found.extend(decoder.expire(SimTime::MAX));
     found
 }
 

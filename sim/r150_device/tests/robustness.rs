@@ -148,10 +148,12 @@ proptest! {
         let mut decoder = codec::decoder(Duration::from_secs(1));
         let mut bad = Vec::new();
         for byte in replies {
-            decoder.push(SimTime::ZERO, byte, &mut |decoded| match decoded {
+            for decoded in decoder.push(SimTime::ZERO, byte) {
+            match decoded {
                 Decoded::Frame(frame) if read_reply(&frame).is_some() => {}
                 other => bad.push(other),
-            });
+            }
+            }
         }
         prop_assert_eq!(bad, []);
         prop_assert_eq!(decoder.deadline(), None);

@@ -69,12 +69,14 @@ fn statuses(bytes: &[u8]) -> Vec<Status> {
     let mut decoder = codec::decoder::<Status>(Duration::from_secs(1));
     let mut found = Vec::new();
     for &byte in bytes {
-        decoder.push(SimTime::ZERO, byte, &mut |decoded| match decoded {
-            Decoded::Frame(packet) => {
-                found.extend(codec::parse::<Status>(&packet, ByteOrder::Little))
+        for decoded in decoder.push(SimTime::ZERO, byte) {
+            match decoded {
+                Decoded::Frame(packet) => {
+                    found.extend(codec::parse::<Status>(&packet, ByteOrder::Little))
+                }
+                other => panic!("{other:?}"),
             }
-            other => panic!("{other:?}"),
-        });
+        }
     }
     found
 }
