@@ -61,5 +61,5 @@ pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R15
 pub use running_gear::{Energy, RunningGear};
 pub use tolerance::Tolerances;
 pub use twist::{Twist, Wrench};
-pub use vehicle_body::VehicleBody;
+pub use vehicle_body::{Build, VehicleBody};
 pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldMap, WorldSettings};

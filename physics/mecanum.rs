@@ -42,19 +42,14 @@ pub use signals::{
 };
 
 use crate::drawing::{Drawing, EchoDrawing, WheelDrawing};
-use crate::faults::{Bounds, MotorFaults};
+use crate::faults::MotorFaults;
 use crate::noise::Noise;
 use crate::plant::Plant;
 use crate::pose::Pose;
 use crate::vehicle_body::VehicleBody;
-use crate::world::{BodyShape, World};
+use crate::world::World;
 use drive::Drive;
 use sensors::Sensors;
-
-const BOUNDS: Bounds = Bounds {
-    payload: 100.0,
-    push: 1e4,
-};
 
 /// One car.
 ///
@@ -80,14 +75,7 @@ impl MecanumPlant {
     #[must_use]
     pub fn new(name: &str, settings: &MecanumPlantSettings, world: &mut World, pose: Pose) -> Self {
         let drive = Drive::new(name, world, settings);
-        let shape = BodyShape {
-            length: settings.body.length,
-            width: settings.body.width,
-            mass: drive.gear.mass,
-            inertia: drive.gear.inertia,
-        };
-        let body = world.add_body(name, shape, pose);
-        let body = VehicleBody::new(world, body, settings.body.length, BOUNDS);
+        let body = VehicleBody::new(world, name, settings.body.build(), pose);
         let mut sensors = Sensors::new(settings);
         sensors.look(world, body.id(), body.motion());
         Self {
@@ -152,10 +140,6 @@ impl Plant for MecanumPlant {
         &mut self.body
     }
 
-    fn mass(&self) -> f64 {
-        self.drive.gear.mass
-    }
-
     fn is_tipping(&self) -> bool {
         self.drive.gear.tipping
     }
@@ -208,13 +192,6 @@ impl Plant for MecanumPlant {
     /// Nothing changes then, so the span may be anything.
     fn rest(&mut self, _span: Duration) {
         self.drive.forget_step();
-    }
-
-    fn apply_payload(&mut self, world: &mut World) {
-        let payload = self.body.faults().payload;
-        self.drive.set_payload(&self.settings, payload);
-        let gear = &self.drive.gear;
-        world.set_mass(self.body.id(), gear.mass, gear.inertia);
     }
 
     fn place(&mut self, world: &mut World, pose: Pose) {

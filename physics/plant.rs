@@ -33,9 +33,6 @@ pub trait Plant {
     /// The same, to change.
     fn vehicle_mut(&mut self) -> &mut VehicleBody;
 
-    /// Returns its mass with payload, kg.
-    fn mass(&self) -> f64;
-
     /// Draws it from above, beside its body; of one that does not say, the body is all.
     fn drawing(&self) -> Drawing {
         Drawing::default()
@@ -50,9 +47,6 @@ pub trait Plant {
     /// Advances time while it [rests](Self::at_rest) and the world is not stepped. Of no concern to
     /// hardware without slow states.
     fn rest(&mut self, _span: Duration) {}
-
-    /// Sets the mass of its body in the world to that with its payload.
-    fn apply_payload(&mut self, world: &mut World);
 
     /// Lifts it and sets it down elsewhere, standing.
     fn place(&mut self, world: &mut World, pose: Pose);
@@ -72,7 +66,7 @@ pub trait Plant {
             leftward_speed: velocity.left,
             yaw_rate: velocity.turn,
             distance: self.vehicle().distance(),
-            mass: self.mass(),
+            mass: self.vehicle().mass(),
         }
     }
 
@@ -94,7 +88,6 @@ pub trait Plant {
 
     /// Replaces all that is wrong with it as a body.
     fn set_body_faults(&mut self, world: &mut World, faults: &BodyFaults) {
-        self.vehicle_mut().set_faults(faults);
-        self.apply_payload(world);
+        self.vehicle_mut().set_faults(world, faults);
     }
 }

@@ -30,19 +30,15 @@ pub use signals::{
 };
 
 use crate::drawing::{Drawing, WheelDrawing};
-use crate::faults::{Bounds, MotorFaults};
+use crate::faults::MotorFaults;
 use crate::plant::Plant;
 use crate::pose::Pose;
 use crate::vehicle_body::VehicleBody;
-use crate::world::{BodyShape, World};
+use crate::world::World;
 use drive::Drive;
 use network::{Demand, Flow, MotorPort, Source};
 use slow::SlowStates;
 
-const BOUNDS: Bounds = Bounds {
-    payload: 1000.0,
-    push: 1e5,
-};
 /// Least voltage that a supply keeps, V; divisions stay bounded by it.
 const LOWEST_SUPPLY: f64 = 1.0;
 
@@ -79,14 +75,7 @@ impl R150Plant {
     #[must_use]
     pub fn new(name: &str, settings: &R150PlantSettings, world: &mut World, pose: Pose) -> Self {
         let drive = Drive::new(name, world, settings);
-        let shape = BodyShape {
-            length: settings.body.length,
-            width: settings.body.width,
-            mass: drive.gear.mass,
-            inertia: drive.gear.inertia,
-        };
-        let body = world.add_body(name, shape, pose);
-        let body = VehicleBody::new(world, body, settings.body.length, BOUNDS);
+        let body = VehicleBody::new(world, name, settings.body.build(), pose);
         let mut plant = Self {
             settings: settings.clone(),
             body,
@@ -251,10 +240,6 @@ impl Plant for R150Plant {
         &mut self.body
     }
 
-    fn mass(&self) -> f64 {
-        self.drive.gear.mass
-    }
-
     fn is_tipping(&self) -> bool {
         self.drive.gear.tipping
     }
@@ -303,13 +288,6 @@ impl Plant for R150Plant {
         self.pass(span.as_secs_f64());
         self.warm_drivers();
         self.solve_network();
-    }
-
-    fn apply_payload(&mut self, world: &mut World) {
-        let payload = self.body.faults().payload;
-        self.drive.set_payload(&self.settings, payload);
-        let gear = &self.drive.gear;
-        world.set_mass(self.body.id(), gear.mass, gear.inertia);
     }
 
     fn place(&mut self, world: &mut World, pose: Pose) {

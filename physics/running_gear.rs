@@ -39,36 +39,6 @@ pub struct Energy {
     pub tyres: f64,
 }
 
-/// A mass, and where it is.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Mass {
-    /// kg
-    pub(crate) mass: f64,
-    /// About the vertical, kg·m².
-    pub(crate) inertia: f64,
-    /// m
-    pub(crate) height: f64,
-    /// Ahead and left of the middle, m.
-    pub(crate) place: [f64; 2],
-}
-
-impl Mass {
-    /// A payload of so many kg, spread over a deck of this length and width, m.
-    pub(crate) fn spread(
-        mass: f64,
-        [length, width]: [f64; 2],
-        height: f64,
-        place: [f64; 2],
-    ) -> Self {
-        Self {
-            mass,
-            inertia: mass * (length * length + width * width) / 12.0,
-            height,
-            place,
-        }
-    }
-}
-
 /// Part of a step, s.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Span {
@@ -128,10 +98,10 @@ pub struct RunningGear<const WHEELS: usize, C = Straight> {
     pub(crate) motor_impulse: [f64; WHEELS],
     /// Set if a wheel would lift off the ground.
     pub(crate) tipping: bool,
-    /// kg
-    pub(crate) mass: f64,
+    /// Of the vehicle in the last step, kg.
+    mass: f64,
     /// kg·m²
-    pub(crate) inertia: f64,
+    inertia: f64,
     /// The balance of its energy, once a test asks for it.
     pub energy: Option<Energy>,
     stance: Stance,
@@ -194,15 +164,6 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             rolling_resistance: tyre.rolling_resistance,
             led_to: 0.0,
         }
-    }
-
-    /// The body and what lies on it.
-    pub(crate) fn set_masses(&mut self, body: &Mass, payload: &Mass) {
-        self.mass = body.mass + payload.mass;
-        self.inertia = body.inertia + payload.inertia;
-        self.stance.centre_height =
-            (body.mass * body.height + payload.mass * payload.height) / self.mass;
-        self.stance.centre = payload.place.map(|place| payload.mass * place / self.mass);
     }
 
     /// Forces a wheel to a stand, as one that is blocked.
@@ -268,6 +229,8 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         changes: &Changes,
         mut drives: impl FnMut(Span, &[f64; WHEELS]) -> [WheelDrive; WHEELS],
     ) {
+        (self.mass, self.inertia) = (body.mass(), body.inertia());
+        (self.stance.centre, self.stance.centre_height) = body.centre();
         let push = body.push();
         let motion = world.motion(body.id());
         let ground = world.ground_at(motion.x, motion.y);

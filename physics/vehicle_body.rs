@@ -3,20 +3,33 @@
 use crate::faults::{BodyFaults, Bounds};
 use crate::pose::{BodyMotion, Pose};
 use crate::twist::{Twist, Wrench};
-use crate::world::{BodyId, World};
+use crate::world::{BodyId, BodyShape, World};
 
 /// Speed of body and tyres under which it may stand, m/s.
 const STANDING: f64 = 0.001;
 /// Time for which it must stay under that speed, s: longer than half a swing on the tyres.
 const SETTLE_TIME: f64 = 0.25;
 
+/// What a vehicle weighs, and where.
+#[derive(Debug, Clone, Copy)]
+pub struct Build {
+    /// Shape, with the mass and the inertia without payload.
+    pub shape: BodyShape,
+    /// Height of the centre of mass without payload, m.
+    pub height: f64,
+    /// Height of the centre of mass of a payload, which is spread over the vehicle, m.
+    pub payload_height: f64,
+    /// Place of a payload ahead and left of the middle, m.
+    pub payload_place: [f64; 2],
+    /// The most that may be done to it.
+    pub bounds: Bounds,
+}
+
 /// The body of a vehicle, which stands still when it can.
 #[derive(Debug, Clone)]
 pub struct VehicleBody {
     id: BodyId,
-    bounds: Bounds,
-    /// From its middle to its front, m.
-    half_length: f64,
+    build: Build,
     motion: BodyMotion,
     /// m.
     distance: f64,
@@ -27,18 +40,44 @@ pub struct VehicleBody {
 }
 
 impl VehicleBody {
-    /// Of a body that stands; `length` in m.
-    pub fn new(world: &World, id: BodyId, length: f64, bounds: Bounds) -> Self {
+    /// Puts a body into the world, standing; `name` is what errors call it.
+    pub fn new(world: &mut World, name: &str, build: Build, pose: Pose) -> Self {
+        let id = world.add_body(name, build.shape, pose);
         Self {
             id,
-            bounds,
-            half_length: length / 2.0,
+            build,
             motion: world.motion(id),
             distance: 0.0,
             faults: BodyFaults::default(),
             settled: 0.0,
             resting: false,
         }
+    }
+
+    /// Mass with payload, kg.
+    #[must_use]
+    pub fn mass(&self) -> f64 {
+        self.build.shape.mass + self.faults.payload
+    }
+
+    /// Moment of inertia about the vertical, with payload, kg·m².
+    #[must_use]
+    pub fn inertia(&self) -> f64 {
+        let BodyShape {
+            length,
+            width,
+            inertia,
+            ..
+        } = self.build.shape;
+        inertia + self.faults.payload * (length * length + width * width) / 12.0
+    }
+
+    /// Centre of mass with payload: ahead and left of the middle, and its height, m.
+    pub(crate) fn centre(&self) -> ([f64; 2], f64) {
+        let (build, payload, mass) = (&self.build, self.faults.payload, self.mass());
+        let moment = build.shape.mass * build.height + payload * build.payload_height;
+        let place = build.payload_place.map(|place| payload * place / mass);
+        (place, moment / mass)
     }
 
     /// Its place in the world.
@@ -68,23 +107,16 @@ impl VehicleBody {
         self.faults.push
     }
 
-    /// Pushes steadily until changed, as a fault does.
-    pub fn set_push(&mut self, push: Wrench) {
-        self.set_faults(&BodyFaults {
-            push,
-            ..self.faults
-        });
-    }
-
     /// Returns what is wrong with it.
     pub fn faults(&self) -> &BodyFaults {
         &self.faults
     }
 
-    /// Replaces what is wrong with it. The plant changes the body's mass.
-    pub fn set_faults(&mut self, faults: &BodyFaults) {
-        self.faults = faults.within(self.bounds);
+    /// Replaces what is wrong with it.
+    pub fn set_faults(&mut self, world: &mut World, faults: &BodyFaults) {
+        self.faults = faults.within(self.build.bounds);
         self.wake();
+        world.set_mass(self.id, self.mass(), self.inertia());
     }
 
     /// Most friction that the ground gives it, if a fault bounds it.
@@ -140,7 +172,7 @@ impl VehicleBody {
         let velocity = self.motion.body_velocity();
         velocity.ahead.abs() <= limit
             && velocity.left.abs() <= limit
-            && velocity.turn.abs() * self.half_length <= limit
+            && velocity.turn.abs() * self.build.shape.length / 2.0 <= limit
             && tyre_speeds.into_iter().all(|speed| speed.abs() <= limit)
     }
 

@@ -4,7 +4,7 @@
 //! tyres are not modelled any further: use [`rigsim_physics::traction`] where they matter.
 
 use rigsim_physics::world::Course;
-use rigsim_physics::{BodyShape, Bounds, Plant, Pose, Twist, VehicleBody, World};
+use rigsim_physics::{BodyShape, Bounds, Build, Plant, Pose, Twist, VehicleBody, World};
 
 const BOUNDS: Bounds = Bounds {
     payload: 20.0,
@@ -52,15 +52,20 @@ impl Differential {
     /// A robot that stands at `pose`.
     #[must_use]
     pub fn new(name: &str, shape: DifferentialShape, world: &mut World, pose: Pose) -> Self {
-        let body = BodyShape {
-            length: shape.length,
-            width: shape.width,
-            mass: shape.mass,
-            inertia: inertia(shape, shape.mass),
+        let build = Build {
+            shape: BodyShape {
+                length: shape.length,
+                width: shape.width,
+                mass: shape.mass,
+                inertia: inertia(shape),
+            },
+            height: 0.0,
+            payload_height: 0.0,
+            payload_place: [0.0; 2],
+            bounds: BOUNDS,
         };
-        let id = world.add_body(name, body, pose);
         Self {
-            body: VehicleBody::new(world, id, shape.length, BOUNDS),
+            body: VehicleBody::new(world, name, build, pose),
             shape,
             wanted: [0.0; 2],
             speed: [0.0; 2],
@@ -92,15 +97,6 @@ impl Plant for Differential {
         &mut self.body
     }
 
-    fn mass(&self) -> f64 {
-        self.shape.mass + self.body.faults().payload
-    }
-
-    fn apply_payload(&mut self, world: &mut World) {
-        let mass = self.mass();
-        world.set_mass(self.body.id(), mass, inertia(self.shape, mass));
-    }
-
     fn place(&mut self, world: &mut World, pose: Pose) {
         self.speed = [0.0; 2];
         self.body.place(world, pose);
@@ -113,7 +109,7 @@ impl Plant for Differential {
         let dt = world.step_length().as_secs_f64();
         let motion = world.motion(self.body.id());
         let ground = world.ground_at(motion.x, motion.y);
-        let (mass, inertia) = (self.mass(), inertia(self.shape, self.mass()));
+        let (mass, inertia) = (self.body.mass(), self.body.inertia());
         let weight = mass * world.gravity();
         let push = self.body.push();
         let mut course = Course::new(motion.body_velocity());
@@ -160,6 +156,6 @@ impl Plant for Differential {
 }
 
 /// As of a plate of its size.
-fn inertia(DifferentialShape { length, width, .. }: DifferentialShape, mass: f64) -> f64 {
-    mass * (length * length + width * width) / 12.0
+fn inertia(shape: DifferentialShape) -> f64 {
+    shape.mass * (shape.length * shape.length + shape.width * shape.width) / 12.0
 }

@@ -6,7 +6,7 @@ use super::motor::{Motor, MotorLaw, Order};
 use super::settings::MecanumPlantSettings;
 use super::signals::{PortCommand, WHEELS, Wheel};
 use crate::faults::MotorFaults;
-use crate::running_gear::{Changes, Mass, RunningGear, Span, WheelDrive};
+use crate::running_gear::{Changes, RunningGear, Span, WheelDrive};
 use crate::tolerance::Draw;
 use crate::traction::Slanted;
 use crate::twist::{Twist, Wrench};
@@ -62,7 +62,7 @@ impl Drive {
             let roller = Slanted::new(settings.wheel.axle_on_ground(wheel));
             (wheel.index(), roller)
         });
-        let mut drive = Self {
+        Self {
             gear: RunningGear::new(
                 (&settings.wheel.tyre(), DAMPING_FADE_SPEED),
                 [body.half_wheelbase, body.half_track],
@@ -85,29 +85,17 @@ impl Drive {
             law: MotorLaw::new(&settings.motor),
             gear_friction: settings.motor.gear_friction,
             brake_torque: settings.motor.brake_torque,
-        };
-        drive.set_payload(settings, 0.0);
-        drive
+        }
     }
 
-    /// Puts a payload on the deck, kg.
-    pub(super) fn set_payload(&mut self, settings: &MecanumPlantSettings, payload: f64) {
-        let body = &settings.body;
+    /// Sets the drag of the rollers under a payload, kg.
+    fn load_rollers(&mut self, settings: &MecanumPlantSettings, payload: f64) {
         let wheel = &settings.wheel;
-        let drag = wheel.roller_drag * (1.0 + wheel.roller_drag_growth * payload / body.mass);
+        let growth = wheel.roller_drag_growth * payload / settings.body.mass;
+        let drag = wheel.roller_drag * (1.0 + growth);
         self.gear
             .traction
             .set_drag(self.roller_factors.map(|factor| factor * drag));
-        let unladen = Mass {
-            mass: body.mass,
-            inertia: body.yaw_inertia,
-            height: body.centre_of_mass_height,
-            place: [0.0; 2],
-        };
-        let deck = [body.length, body.width];
-        let place = [body.payload_ahead, body.payload_left];
-        let carried = Mass::spread(payload, deck, body.payload_height, place);
-        self.gear.set_masses(&unladen, &carried);
     }
 
     /// Takes over the velocity that a step really ended with.
@@ -233,6 +221,7 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
     let orders = Wheel::ALL.map(|wheel| plant.order(wheel));
     let drive = &mut plant.drive;
+    drive.load_rollers(&plant.settings, plant.body.faults().payload);
     drive.ask(orders, dt);
     let changes = drive.changes();
     let Drive {

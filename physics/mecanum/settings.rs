@@ -5,8 +5,11 @@ use std::time::Duration;
 use rigsim_settings::settings;
 
 use super::signals::Wheel;
+use crate::faults::Bounds;
 use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
+use crate::vehicle_body::Build;
+use crate::world::BodyShape;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 const S: fn(u64) -> Duration = Duration::from_secs;
@@ -171,6 +174,26 @@ impl MecanumWheelSettings {
             lateral_stiffness: self.roller_stiffness,
             relaxation_length: self.relaxation_length,
             rolling_resistance: self.rolling_resistance,
+        }
+    }
+}
+
+impl CarBodySettings {
+    pub(super) fn build(&self) -> Build {
+        Build {
+            shape: BodyShape {
+                length: self.length,
+                width: self.width,
+                mass: self.mass,
+                inertia: self.yaw_inertia,
+            },
+            height: self.centre_of_mass_height,
+            payload_height: self.payload_height,
+            payload_place: [self.payload_ahead, self.payload_left],
+            bounds: Bounds {
+                payload: 100.0,
+                push: 1e4,
+            },
         }
     }
 }

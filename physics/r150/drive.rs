@@ -4,7 +4,7 @@ use super::R150Plant;
 use super::driver::Driver;
 use super::settings::R150PlantSettings;
 use super::signals::Side;
-use crate::running_gear::{Changes, Mass, RunningGear, Span, WheelDrive};
+use crate::running_gear::{Changes, RunningGear, Span, WheelDrive};
 use crate::tolerance::Draw;
 use crate::traction::Straight;
 use crate::twist::Wrench;
@@ -65,7 +65,7 @@ impl Drive {
         let motor = &settings.motor;
         let ratio = motor.gear_ratio;
         let contacts = [Side::Left, Side::Right, Side::Left, Side::Right];
-        let mut drive = Self {
+        Self {
             gear: RunningGear::new(
                 (&settings.tyre, DAMPING_FADE_SPEED),
                 [body.wheelbase / 2.0, body.track / 2.0],
@@ -81,28 +81,7 @@ impl Drive {
             gear_friction: motor.gear_friction,
             stiction: motor.stiction,
             brake_torque: motor.brake_torque,
-        };
-        drive.set_payload(settings, 0.0);
-        drive
-    }
-
-    /// Puts a payload on the deck, kg.
-    pub(super) fn set_payload(&mut self, settings: &R150PlantSettings, payload: f64) {
-        let body = &settings.body;
-        let unladen = Mass {
-            mass: body.mass,
-            inertia: body.yaw_inertia,
-            height: body.centre_of_mass_height,
-            place: [0.0; 2],
-        };
-        let deck = [body.length, body.width];
-        let carried = Mass::spread(
-            payload,
-            deck,
-            body.payload_height,
-            [body.payload_ahead, body.payload_left],
-        );
-        self.gear.set_masses(&unladen, &carried);
+        }
     }
 
     /// Speed of a motor shaft, rad/s.

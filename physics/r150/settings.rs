@@ -2,8 +2,11 @@
 
 use std::time::Duration;
 
+use crate::faults::Bounds;
 use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
+use crate::vehicle_body::Build;
+use crate::world::BodyShape;
 
 rigsim_settings::settings! {
     /// The vehicle around the module.
@@ -160,5 +163,25 @@ rigsim_settings::settings! {
     pub struct ThermalSettings {
         /// Temperature around the vehicle.
         ambient: f64 = 25.0, unit "degC", range -60.0..=100.0, assumed "a mild day";
+    }
+}
+
+impl BodySettings {
+    pub(super) fn build(&self) -> Build {
+        Build {
+            shape: BodyShape {
+                length: self.length,
+                width: self.width,
+                mass: self.mass,
+                inertia: self.yaw_inertia,
+            },
+            height: self.centre_of_mass_height,
+            payload_height: self.payload_height,
+            payload_place: [self.payload_ahead, self.payload_left],
+            bounds: Bounds {
+                payload: 1000.0,
+                push: 1e5,
+            },
+        }
     }
 }

@@ -7,6 +7,7 @@
 
 use std::time::Duration;
 
+use rigsim_physics::faults::BodyFaults;
 use rigsim_physics::{Plant, Pose, R150Plant, R150PlantSettings, World, WorldSettings, Wrench};
 
 const STEPS_US: [u64; 3] = [500, 5_000, 10_000];
@@ -61,10 +62,15 @@ fn what_is_spun_up_keeps_its_way() {
         let mut world = ice(step, 0.0);
         let mut plant = add(&mut world, "r150", 0.0, 0.0);
         world.set_velocity(plant.body(), [1.4, 0.0], 0.0);
-        plant.vehicle_mut().set_push(Wrench {
+        let push = Wrench {
             turn: 16.0,
             ..Wrench::default()
-        });
+        };
+        let faults = BodyFaults {
+            push,
+            ..BodyFaults::default()
+        };
+        plant.set_body_faults(&mut world, &faults);
         go_on(&mut world, &mut [plant.clone()], 4.0);
         let found = world.motion(plant.body());
         assert!(found.yaw_rate > 3.0, "{}", found.yaw_rate);

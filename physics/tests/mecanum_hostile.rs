@@ -101,9 +101,7 @@ fn apply(car: &mut Car, action: &Action) {
         Action::Faults(wheel, faults) => plant.set_wheel_faults(Wheel::ALL[wheel], faults),
         Action::CarFaults(faults) => plant.set_faults(&faults),
         Action::Body(faults) => plant.set_body_faults(world, &faults),
-        Action::Push(ahead, left, turn) => {
-            plant.vehicle_mut().set_push(Wrench { ahead, left, turn })
-        }
+        Action::Push(ahead, left, turn) => car.push(Wrench { ahead, left, turn }),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Ground(friction, slope, uphill) => {
             world.set_ground(Ground::new(friction, slope, uphill));

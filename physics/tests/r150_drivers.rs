@@ -94,7 +94,7 @@ fn a_pushed_motor_with_its_driver_off_is_held_by_the_diodes() {
     for charge in [80.0, 100.0] {
         let mut bench = with(|s| s.battery.initial_soc = charge);
         bench.command(|commands| commands.propulsion_power = false);
-        bench.plant.vehicle_mut().set_push(Wrench {
+        bench.push(Wrench {
             ahead: 900.0,
             ..Wrench::default()
         });

@@ -99,9 +99,7 @@ fn apply(bench: &mut Bench, action: &Action) {
             commands.rail_on = rail_on;
         }),
         Action::Wire(rail, load) => plant.set_load(Rail::ALL[rail], load),
-        Action::Push(ahead, left, turn) => {
-            plant.vehicle_mut().set_push(Wrench { ahead, left, turn })
-        }
+        Action::Push(ahead, left, turn) => bench.push(Wrench { ahead, left, turn }),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Faults(left, faults) => {
             plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);

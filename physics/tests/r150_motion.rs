@@ -198,20 +198,20 @@ fn without_the_brake_the_shorted_motors_let_it_creep_and_open_ones_let_it_run() 
 fn pushed_when_released_and_unpowered_it_rolls() {
     let mut bench = Bench::new();
     bench.command(|commands| commands.propulsion_power = false);
-    bench.plant.vehicle_mut().set_push(Wrench {
+    bench.push(Wrench {
         ahead: 200.0,
         ..Wrench::default()
     });
     bench.run(2.0);
     println!("pushed with 200 N for 2 s: {:.3} m/s", bench.speed());
     assert!(bench.speed() > 0.5);
-    bench.plant.vehicle_mut().set_push(Wrench::default());
+    bench.push(Wrench::default());
     bench.run_while(20.0, |bench| !bench.plant.at_rest());
     assert!(bench.plant.at_rest());
     // Parked, the same push does not move it.
     bench.command(|commands| commands.parking_brake = true);
     let from = bench.plant.truth().motion.pose.x;
-    bench.plant.vehicle_mut().set_push(Wrench {
+    bench.push(Wrench {
         ahead: 200.0,
         ..Wrench::default()
     });

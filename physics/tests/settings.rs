@@ -168,13 +168,13 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
     story
         .bench
         .command(|commands| commands.parking_brake = true);
-    story.bench.plant.vehicle_mut().set_push(Wrench {
+    story.bench.push(Wrench {
         ahead: 2000.0,
         left: 900.0,
         ..Wrench::default()
     });
     story.drive(0.0, 0.0, 1.0);
-    story.bench.plant.vehicle_mut().set_push(Wrench::default());
+    story.bench.push(Wrench::default());
     story.bench.world.set_ground(Ground::flat(0.8));
     story
         .bench
@@ -184,12 +184,12 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
     story
         .bench
         .command(|commands| commands.rail_on = [false; 6]);
-    story.bench.plant.vehicle_mut().set_push(Wrench {
+    story.bench.push(Wrench {
         ahead: -900.0,
         ..Wrench::default()
     });
     story.drive(-0.5, -0.5, 1.0);
-    story.bench.plant.vehicle_mut().set_push(Wrench::default());
+    story.bench.push(Wrench::default());
     story.bench.command(|commands| {
         commands.rail_on = [true; 6];
         commands.propulsion_power = false;
@@ -328,7 +328,7 @@ fn rolls(settings: &MecanumPlantSettings) -> Vec<String> {
     car.turn([-1; 4], 1.0);
     run(&mut car, 1.0);
     car.brake();
-    car.plant.vehicle_mut().set_push(Wrench {
+    car.push(Wrench {
         ahead: 90.0,
         left: 20.0,
         ..Wrench::default()

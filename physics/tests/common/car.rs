@@ -7,7 +7,7 @@ use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::mecanum::{MecanumFaults, PlugSwaps, WHEELS, Wheel};
 use rigsim_physics::{
     Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World,
-    WorldSettings,
+    WorldSettings, Wrench,
 };
 
 /// Radius of a wheel, m.
@@ -69,6 +69,15 @@ impl Car {
         };
         car.plant.set_faults(&faults);
         car
+    }
+
+    /// Pushes steadily until changed.
+    pub fn push(&mut self, push: Wrench) {
+        let faults = BodyFaults {
+            push,
+            ..*self.plant.vehicle().faults()
+        };
+        self.plant.set_body_faults(&mut self.world, &faults);
     }
 
     /// Puts a payload on the deck, kg.

@@ -9,6 +9,7 @@ use rigsim_physics::faults::BodyFaults;
 use rigsim_physics::r150::Sides;
 use rigsim_physics::{
     Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
+    Wrench,
 };
 
 /// The default ground's friction.
@@ -52,6 +53,15 @@ impl Bench {
             .set_ground(Ground::new(FRICTION, degrees.to_radians(), 0.0));
         bench.load(payload);
         bench
+    }
+
+    /// Pushes steadily until changed.
+    pub fn push(&mut self, push: Wrench) {
+        let faults = BodyFaults {
+            push,
+            ..*self.plant.vehicle().faults()
+        };
+        self.plant.set_body_faults(&mut self.world, &faults);
     }
 
     /// Puts a payload on the deck, kg.

@@ -1,9 +1,9 @@
 //! The mecanum car in the rig: firmware, line, hardware and world together.
 
-use rigsim_physics::{Plant as _, Wrench};
+use rigsim_physics::Plant as _;
 use std::time::Duration;
 
-use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::faults::{BodyFaults, MotorFaults};
 use rigsim_physics::mecanum::Wheel;
 use rigsim_physics::r150::Load;
 use rigsim_physics::world::Obstacle;
@@ -359,11 +359,10 @@ fn a_car_that_is_pushed_back_believes_that_it_drove_forward() {
     let mut rig = car_in(WorldMap::default(), false, |settings| {
         settings.firmware.idle_wheels = IdleWheels::Release;
     });
-    rig.with_device(0, |car: &mut Mecanum, _, _| {
-        car.plant.vehicle_mut().set_push(Wrench {
-            ahead: -30.0,
-            ..Wrench::default()
-        })
+    let mut faults = BodyFaults::default();
+    faults.push.ahead = -30.0;
+    rig.with_any_device(0, |car, world, _| {
+        car.plant_mut().set_body_faults(world, &faults);
     });
     let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
     let truth =
