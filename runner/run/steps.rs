@@ -41,8 +41,6 @@ pub(super) struct StepState {
     times: u32,
     /// Time at which its repetitions end, if they have such an end.
     ends: Option<SimTime>,
-    /// Number of its times that have an end, which has not come.
-    lasting: u32,
     /// A repetition waits until the last one's effect is over.
     put_off: bool,
     all_begun: bool,
@@ -88,7 +86,6 @@ impl StepState {
             done: None,
             times: 0,
             ends: None,
-            lasting: 0,
             put_off: false,
             all_begun: false,
             pending: 0,
@@ -213,7 +210,6 @@ impl Run {
     fn effect_over(&mut self, index: usize, effect: Option<EffectHandle>, now: SimTime) {
         if let Some(effect) = effect {
             let state = &mut self.steps[index];
-            state.lasting = state.lasting.saturating_sub(1);
             if std::mem::take(&mut state.put_off) {
                 self.agenda.plan(now, Item::Occur(index));
             }
@@ -237,7 +233,8 @@ impl Run {
         let scenario = std::sync::Arc::clone(&self.plan.scenario);
         let step = &scenario.steps[index];
         let state = &mut self.steps[index];
-        if step.every.is_some() && state.lasting > 0 {
+        let has_end = step.lasts.is_some() || step.until.is_some();
+        if step.every.is_some() && has_end && !state.effects.is_empty() {
             state.put_off = true;
             return;
         }
@@ -320,7 +317,6 @@ impl Run {
         }
         if let Some(ends) = ends {
             state.pending += 1;
-            state.lasting += 1;
             self.agenda.plan(ends, Item::End(index, Some(effect)));
         } else if step.fault().is_none() {
             // Faults add up; what was done the last time goes on in what is done now.
@@ -379,7 +375,6 @@ impl Run {
         state.watching = false;
         state.put_off = false;
         state.all_begun = true;
-        state.lasting = 0;
         state.pending = 0;
         self.check_done(index, now);
     }
