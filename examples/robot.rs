@@ -329,7 +329,7 @@ impl Device for Robot {
         !self.output.is_empty() || !self.events.is_empty()
     }
 
-    fn exchange_signals(&mut self, _now: SimTime) {
+    fn exchange_signals(&mut self, _now: SimTime, _passed: Duration) {
         self.body
             .set_speeds(self.speeds.map(|speed| f64::from(speed) / 1000.0));
     }

@@ -229,8 +229,9 @@ pub trait Device: Any + Send + Sync {
     /// one, but for the place within a frame that they bring it to.
     fn has_output(&self) -> bool;
 
-    /// Passes pins and measurements between firmware and hardware until neither changes.
-    fn exchange_signals(&mut self, now: SimTime);
+    /// Passes pins and measurements between firmware and hardware until neither changes. By now, this
+    /// much of the step that comes has `passed`.
+    fn exchange_signals(&mut self, now: SimTime, passed: Duration);
 
     /// Bytes for the client of a link.
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)>;
@@ -248,15 +249,6 @@ pub trait Device: Any + Send + Sync {
 
     /// The same, to change.
     fn plant_mut(&mut self) -> &mut dyn Plant;
-
-    /// Advances its slow states up to `now`, while nothing in the world moves. Of no
-    /// concern to a device without any.
-    fn rest_until(&mut self, _now: SimTime) {}
-
-    /// Takes over what the step, which ended at `now`, has done.
-    fn after_step(&mut self, _now: SimTime, world: &mut World) {
-        self.plant_mut().after_step(world);
-    }
 
     /// Returns a sum of faults in which nothing is wrong. A device whose hardware has faults
     /// has a part for them in it.

@@ -110,8 +110,6 @@ pub struct Mecanum {
     pub device: MecanumDevice,
     /// The hardware.
     pub plant: MecanumPlant,
-    /// Up to when the plant has advanced.
-    plant_at: SimTime,
     /// Times at which the last pulse of a wheel was taken, and the next one is to be.
     pulse_taken: SimTime,
     pulse_due: Option<SimTime>,
@@ -130,17 +128,11 @@ impl Mecanum {
         let mut car = Self {
             device,
             plant,
-            plant_at: SimTime::ZERO,
             pulse_taken: SimTime::ZERO,
             pulse_due: None,
         };
-        car.exchange_signals(SimTime::ZERO);
+        car.exchange_signals(SimTime::ZERO, Duration::ZERO);
         car
-    }
-
-    /// Brings the plant to a time within the step that comes.
-    fn pass_to(&mut self, now: SimTime) {
-        self.plant.pass_to(now.since(self.plant_at));
     }
 
     /// Returns the true state of the car.
@@ -172,9 +164,9 @@ impl Device for Mecanum {
         self.device.has_output()
     }
 
-    fn exchange_signals(&mut self, now: SimTime) {
+    fn exchange_signals(&mut self, now: SimTime, passed: Duration) {
         if self.pulse_due.is_some_and(|due| due <= now) {
-            self.pass_to(now);
+            self.plant.pass_to(passed);
             self.pulse_taken = now;
         }
         for _ in 0..MOST_ROUNDS {
@@ -183,10 +175,10 @@ impl Device for Mecanum {
             if commands == *self.plant.commands() {
                 break;
             }
-            self.pass_to(now);
+            self.plant.pass_to(passed);
             self.plant.set_commands(&commands);
         }
-        let next = self.plant.next_pulse().map(|passed| self.plant_at + passed);
+        let next = self.plant.next_pulse().map(|at| now - passed + at);
         let soonest = (now + Duration::from_nanos(1)).max(self.pulse_taken + BETWEEN_PULSES);
         self.pulse_due = next.map(|due| due.max(soonest));
     }
@@ -207,18 +199,6 @@ impl Device for Mecanum {
 
     fn plant_mut(&mut self) -> &mut dyn Plant {
         &mut self.plant
-    }
-
-    fn rest_until(&mut self, now: SimTime) {
-        if now > self.plant_at {
-            self.plant.rest(now.since(self.plant_at));
-            self.plant_at = now;
-        }
-    }
-
-    fn after_step(&mut self, now: SimTime, world: &mut World) {
-        self.plant.after_step(world);
-        self.plant_at = now;
     }
 
     fn no_faults(&self) -> Sum {

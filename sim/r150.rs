@@ -112,8 +112,6 @@ pub struct R150 {
     pub device: R150Device,
     /// The hardware.
     pub plant: R150Plant,
-    /// Up to when the plant's slow states have advanced.
-    plant_at: SimTime,
     watch: Watch,
 }
 
@@ -139,10 +137,9 @@ impl R150 {
         let mut vehicle = Self {
             device,
             plant,
-            plant_at: SimTime::ZERO,
             watch: Watch::default(),
         };
-        vehicle.exchange_signals(SimTime::ZERO);
+        vehicle.exchange_signals(SimTime::ZERO, Duration::ZERO);
         vehicle
     }
 
@@ -174,14 +171,14 @@ impl Device for R150 {
         self.device.has_output() || self.watch.has_output()
     }
 
-    fn exchange_signals(&mut self, now: SimTime) {
+    fn exchange_signals(&mut self, now: SimTime, passed: Duration) {
         for _ in 0..MOST_ROUNDS {
             self.device.sense(now, &self.plant.measurements());
             let commands = self.device.commands();
             if commands == *self.plant.commands() {
                 break;
             }
-            self.plant.pass_to(now.since(self.plant_at));
+            self.plant.pass_to(passed);
             self.plant.set_commands(&commands);
             // What the module has drawn is gone with it, so that the supply may be back at once. It
             // would come and go for ever; so it stays off until it is asked again.
@@ -206,18 +203,6 @@ impl Device for R150 {
 
     fn plant_mut(&mut self) -> &mut dyn Plant {
         &mut self.plant
-    }
-
-    fn rest_until(&mut self, now: SimTime) {
-        if now > self.plant_at {
-            self.plant.rest(now.since(self.plant_at));
-            self.plant_at = now;
-        }
-    }
-
-    fn after_step(&mut self, now: SimTime, world: &mut World) {
-        self.plant.after_step(world);
-        self.plant_at = now;
     }
 
     fn no_faults(&self) -> Sum {

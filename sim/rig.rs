@@ -69,11 +69,23 @@ pub struct RigSettings {
 struct Slot {
     spec: &'static DeviceSpec,
     device: Box<dyn Device>,
+    /// Up to when its plant has advanced.
+    plant_at: SimTime,
     lines: Vec<SerialLine>,
     /// A wheel would have lifted in the last step.
     tips: bool,
     /// Faults armed in it, if any.
     faults: Option<Box<Injection>>,
+}
+
+impl Slot {
+    /// Advances the slow states of its plant, while nothing in the world moves.
+    fn rest_until(&mut self, now: SimTime) {
+        if now > self.plant_at {
+            self.device.plant_mut().rest(now.since(self.plant_at));
+            self.plant_at = now;
+        }
+    }
 }
 
 /// Devices, their lines, and the world around them.
@@ -128,6 +140,7 @@ impl Rig {
         self.slots.push(Slot {
             spec,
             device: built,
+            plant_at: self.now,
             lines: (0..setup.links).map(line).collect(),
             tips: false,
             faults: None,
@@ -310,7 +323,7 @@ impl Rig {
         {
             let step = self.world.step_length();
             let begin = self.now.next_multiple(step) - step;
-            slot.device.rest_until(begin);
+            slot.rest_until(begin);
         }
     }
 
@@ -325,17 +338,18 @@ impl Rig {
         let now = self.now;
         if self.resting {
             for slot in &mut self.slots {
-                slot.device.rest_until(now);
+                slot.rest_until(now);
             }
         } else {
             let step = self.world.step_length();
             for slot in &mut self.slots {
-                slot.device.rest_until(now - step);
+                slot.rest_until(now - step);
                 slot.device.plant_mut().before_step(&mut self.world);
             }
             self.world.step()?;
             for slot in &mut self.slots {
-                slot.device.after_step(now, &mut self.world);
+                slot.device.plant_mut().after_step(&mut self.world);
+                slot.plant_at = now;
             }
         }
         for slot in &mut self.slots {

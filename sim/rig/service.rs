@@ -51,11 +51,12 @@ impl Rig {
         let now = self.now;
         if let Some(slot) = self.slots.get_mut(device) {
             let unit = slot.device.as_mut();
-            unit.exchange_signals(now);
+            let passed = now.since(slot.plant_at);
+            unit.exchange_signals(now, passed);
             if unit.next_deadline().is_some_and(|due| due <= now) {
                 // What the firmware answers to a measurement at once, such as a trip without delay.
                 unit.advance(now);
-                unit.exchange_signals(now);
+                unit.exchange_signals(now, passed);
             }
         }
     }
