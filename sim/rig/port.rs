@@ -32,7 +32,7 @@ impl Rig {
         }
         if let Some(line) = self.line_mut(port) {
             line.attach(now);
-            self.line_event(port, Some(event::attached()));
+            self.emit_line_event(port, event::attached());
         }
         Ok(())
     }
@@ -46,7 +46,7 @@ impl Rig {
         self.advance(now)?;
         if let Some(line) = self.line_mut(port) {
             line.detach(now);
-            self.line_event(port, Some(event::detached()));
+            self.emit_line_event(port, event::detached());
             self.after_change(port.device);
         }
         Ok(())
@@ -58,7 +58,9 @@ impl Rig {
         let event = self
             .line_mut(port)
             .and_then(|serial_line| serial_line.set_client_line(now, line));
-        self.line_event(port, event);
+        if let Some(event) = event {
+            self.emit_line_event(port, event);
+        }
         self.reschedule(port.device);
     }
 
@@ -70,10 +72,11 @@ impl Rig {
         }
     }
 
-    /// Something that only the server of the port knows happened on it.
+    /// Something happened on a port, perhaps what only its server knows.
     pub fn emit_line_event(&mut self, port: PortId, event: EventKind) {
         if self.line(port).is_some() {
-            self.line_event(port, Some(event));
+            let PortId { device, link } = port;
+            self.events.push(event.on(link).at(self.now, device));
         }
     }
 
@@ -124,7 +127,7 @@ impl Rig {
         }
         self.reschedule(port.device);
         for event in events {
-            self.line_event(port, Some(event));
+            self.emit_line_event(port, event);
         }
     }
 

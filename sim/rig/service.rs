@@ -3,7 +3,7 @@
 
 use rigsim_settings::SimTime;
 
-use super::{PortId, Rig, Slot};
+use super::{Rig, Slot};
 use crate::device::Device;
 use crate::event::{Event, EventKind, code};
 use crate::injection::Injection;
@@ -88,14 +88,6 @@ impl Rig {
         }
         if watched {
             self.watch_faults(device);
-        }
-    }
-
-    /// Something happened on a line, if anything did.
-    pub(super) fn line_event(&mut self, port: PortId, event: Option<EventKind>) {
-        if let Some(event) = event {
-            let PortId { device, link } = port;
-            self.events.push(event.on(link).at(self.now, device));
         }
     }
 }
