@@ -5,12 +5,8 @@ use std::path::Path;
 
 use rigsim_settings::ClientLine;
 
-use crate::error::{PortError, PortErrorKind};
+use crate::error::PortError;
 use crate::hub::Registration;
-use crate::net_port::{ListenAddress, NetPort};
-use crate::pair::PtySetup;
-use crate::pty_port::PtyPort;
-use crate::serial_port::SerialPort;
 
 /// A place where a client talks to a device: a pseudo-terminal of this machine, a real serial port with
 /// the client at the other end of the cable, or a port that clients reach over the network.
@@ -97,49 +93,6 @@ pub trait Port: Debug + Send + Sync {
     fn set_line(&mut self, _line: ClientLine) -> Result<(), PortError> {
         Ok(())
     }
-}
-
-/// Opens a port where `place` says: on the network if it is a URL ([`ListenAddress`]), else a
-/// pseudo-terminal that is set up so, published at that path as a symbolic link, which is removed on
-/// drop.
-///
-/// The link appears whole and last. It replaces nothing but the very link that a simulator which was
-/// killed recorded in its lock file beside it (`.NAME.sim-lock`), wherever that points by now.
-///
-/// # Errors
-///
-/// When the URL lacks something, or its address is taken or another machine's; when anything else is
-/// at the path, a running simulator serves it, or its directory is missing or not writable; or when
-/// the system refuses.
-pub fn open_port(place: impl AsRef<Path>, setup: PtySetup) -> Result<Box<dyn Port>, PortError> {
-    let place = place.as_ref();
-    Ok(match place.to_str().and_then(ListenAddress::parse) {
-        None => Box::new(PtyPort::open_at(place, setup)?),
-        Some(Ok(address)) => Box::new(NetPort::open(&address, setup.baud)?),
-        Some(Err(why)) => {
-            return Err(PortError::new("serve", place, PortErrorKind::BadUrl(why)));
-        }
-    })
-}
-
-/// Opens a pseudo-terminal without a link; [`Port::path`] says where it is.
-///
-/// # Errors
-///
-/// When the system refuses.
-pub fn open_unlinked_port(setup: PtySetup) -> Result<Box<dyn Port>, PortError> {
-    Ok(Box::new(PtyPort::open_unlinked(setup)?))
-}
-
-/// Opens the real serial port at `path`, exclusively, with `baud`, 8 data bits, no parity, 1 stop bit
-/// and no flow control.
-///
-/// # Errors
-///
-/// When it does not exist, is held by another program, may not be opened by this user or does not do
-/// the baud rate.
-pub fn open_serial_port(path: impl AsRef<Path>, baud: u32) -> Result<Box<dyn Port>, PortError> {
-    Ok(Box::new(SerialPort::open(path.as_ref(), baud)?))
 }
 
 /// Something that has happened at a port.
