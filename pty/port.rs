@@ -64,13 +64,6 @@ pub trait Port: Debug + Send + Sync {
     #[doc(hidden)]
     fn register(&mut self, registration: Registration) -> Result<(), PortError>;
 
-    /// The node under `/dev/pts` to which the link of a pseudo-terminal leads. It changes when a client
-    /// left the old one locked and this process may not unlock it.
-    #[must_use]
-    fn node(&self) -> &Path {
-        self.path()
-    }
-
     /// Returns whether other machines can connect, too.
     #[must_use]
     fn is_public(&self) -> bool {

@@ -100,10 +100,6 @@ impl Port for PtyPort {
         self.link.as_ref().map_or(self.pair.slave(), Link::path)
     }
 
-    fn node(&self) -> &Path {
-        self.pair.slave()
-    }
-
     fn is_attached(&self) -> bool {
         self.client != Client::None
     }

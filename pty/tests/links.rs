@@ -16,7 +16,7 @@ use std::process::{Command, Stdio};
 use std::sync::Barrier;
 
 use common::{Client, until};
-use rigsim_pty::{PortErrorKind, PtySetup, open_port, open_unlinked_port};
+use rigsim_pty::{Event, Port, PortErrorKind, PtySetup, open_port, open_unlinked_port};
 use rustix::termios::LocalModes;
 
 const SETUP: PtySetup = PtySetup::raw(115_200);
@@ -52,13 +52,19 @@ fn names(dir: &Path) -> Vec<PathBuf> {
     names
 }
 
+/// Returns whether a client that opens the path is at this port.
+fn leads_to(path: &Path, port: &mut Box<dyn Port>) -> bool {
+    let _client = Client::open(path);
+    port.read(&mut [0; 16]).unwrap() == Event::Attached
+}
+
 #[test]
 fn the_link_leads_to_a_port_that_is_ready_and_goes_with_it() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let port = open_port(&path, PtySetup::raw(250_000)).unwrap();
+    let mut port = open_port(&path, PtySetup::raw(250_000)).unwrap();
     assert_eq!(port.path(), path);
-    assert_eq!(fs::read_link(&path).unwrap(), port.node());
+    assert!(leads_to(&path, &mut port));
     assert!(fs::metadata(&path).unwrap().file_type().is_char_device());
     assert_eq!(Client::open(&path).termios().output_speed(), 250_000);
     drop(port);
@@ -135,9 +141,9 @@ fn a_link_to_another_program_s_terminal_is_left_alone() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
     let terminal = open_unlinked_port(SETUP).unwrap();
-    symlink(terminal.node(), &path).unwrap();
+    symlink(terminal.path(), &path).unwrap();
     assert_eq!(refused(&path).0, Occupied);
-    assert_eq!(fs::read_link(&path).unwrap(), terminal.node());
+    assert_eq!(fs::read_link(&path).unwrap(), terminal.path());
 }
 
 #[test]
@@ -147,8 +153,8 @@ fn a_link_to_a_terminal_that_is_gone_is_replaced_if_it_is_recorded() {
     symlink("/dev/pts/4294967", &path).unwrap();
     assert_eq!(refused(&path).0, Occupied);
     fs::write(dir.path().join(".r150.sim-lock"), "1\n/dev/pts/4294967\n").unwrap();
-    let port = open_port(&path, SETUP).unwrap();
-    assert_eq!(fs::read_link(&path).unwrap(), port.node());
+    let mut port = open_port(&path, SETUP).unwrap();
+    assert!(leads_to(&path, &mut port));
     drop(port);
     assert_eq!(names(dir.path()), [] as [PathBuf; 0]);
 }
@@ -158,30 +164,30 @@ fn a_recorded_link_is_replaced_even_where_its_number_lives_again() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
     let terminal = open_unlinked_port(SETUP).unwrap();
-    let node = terminal.node();
+    let node = terminal.path();
     symlink(node, &path).unwrap();
     fs::write(
         dir.path().join(".r150.sim-lock"),
         format!("1\n{}\n", node.display()),
     )
     .unwrap();
-    let port = open_port(&path, SETUP).unwrap();
-    assert_eq!(fs::read_link(&path).unwrap(), port.node());
-    assert_ne!(port.node(), node);
+    let mut port = open_port(&path, SETUP).unwrap();
+    assert!(leads_to(&path, &mut port));
+    assert_ne!(fs::read_link(&path).unwrap(), node);
 }
 
 #[test]
 fn a_second_simulator_is_refused_and_the_first_is_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let port = open_port(&path, SETUP).unwrap();
+    let mut port = open_port(&path, SETUP).unwrap();
     let (kind, message) = refused(&path);
     assert_eq!(kind, InUse);
     assert!(
         message.contains(&format!("(process {})", std::process::id())),
         "{message}"
     );
-    assert_eq!(fs::read_link(&path).unwrap(), port.node());
+    assert!(leads_to(&path, &mut port));
     // Another way to write the same path makes no difference.
     fs::create_dir(dir.path().join("sub")).unwrap();
     assert_eq!(refused(&dir.path().join("sub/../r150")).0, InUse);
@@ -206,11 +212,11 @@ fn of_many_that_start_at_once_one_wins() {
                 .map(|_| {
                     scope.spawn(|| {
                         start.wait();
-                        let port = open_port(&path, SETUP);
+                        let mut port = open_port(&path, SETUP);
                         end.wait();
-                        match &port {
+                        match &mut port {
                             Ok(port) => {
-                                assert_eq!(fs::read_link(&path).unwrap(), port.node());
+                                assert!(leads_to(&path, port));
                             }
                             Err(error) => {
                                 assert!(matches!(error.kind(), PortErrorKind::InUse(_)), "{error}");
@@ -324,8 +330,8 @@ fn a_killed_simulator_s_link_is_replaced() {
         fs::symlink_metadata(&path).is_ok(),
         "no process was there to remove the link"
     );
-    let port = open_port(&path, SETUP).unwrap();
-    assert_eq!(fs::read_link(&path).unwrap(), port.node());
+    let mut port = open_port(&path, SETUP).unwrap();
+    assert!(leads_to(&path, &mut port));
     drop(port);
     assert_eq!(names(dir.path()), [] as [PathBuf; 0]);
 }
