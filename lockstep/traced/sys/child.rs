@@ -78,16 +78,10 @@ pub(crate) fn fork(
 }
 
 fn close_others(line: RawFd) {
-    /// Descriptors that are closed one by one, by a kernel before 5.9.
-    const MOST: RawFd = 1 << 16;
     for (first, last) in [(3, line - 1), (line + 1, RawFd::MAX)] {
-        // SAFETY: takes numbers; no one in the child uses those that are closed.
-        unsafe {
-            if first <= last && libc::syscall(libc::SYS_close_range, first, last, 0) != 0 {
-                for one in first..=last.min(MOST) {
-                    libc::close(one);
-                }
-            }
+        if first <= last {
+            // SAFETY: takes numbers; no one in the child uses those that are closed.
+            unsafe { libc::syscall(libc::SYS_close_range, first, last, 0) };
         }
     }
 }
