@@ -144,6 +144,14 @@ impl Search<'_> {
         best.retain(|(cost, ..)| *cost < most);
         best.sort_by(|one, other| one.0.total_cmp(&other.0));
         best.truncate(MOST_PAIRED);
+        // Between the steps that were tried, it may fit far better.
+        for (cost, at, next) in &mut best {
+            if self.knobs[*at].choices.is_empty() {
+                *next = self.polish(next.clone(), &[*at], f64::INFINITY)?;
+                *cost = self.cost(next, false);
+            }
+        }
+        best.sort_by(|one, other| one.0.total_cmp(&other.0));
         let value = |at: usize, model: &Model| self.knobs[at].literal_in(&model.settings);
         let name = |at: usize, model: &Model| match (at == taken_back, &self.knobs[at]) {
             (true, knob) => format!("{}={}", knob.key, value(at, model)),
