@@ -379,13 +379,20 @@ impl Counts {
         *self.of.entry(verdict).or_default() += 1;
     }
 
-    /// Prints the last line, and returns the exit code. What has no result counts as skipped.
+    /// Prints the last line, and returns the exit code.
     fn finish(&self) -> Result<Exit, Failure> {
+        let exit = |counts: &BTreeMap<Verdict, usize>| {
+            let exits = counts.keys().map(|verdict| verdict.exit());
+            exits.max().unwrap_or(Exit::Clean)
+        };
         let mut counts = self.of.clone();
-        *counts.entry(Verdict::Skipped).or_default() += self.all - self.of.values().sum::<usize>();
+        let unplayed = self.all - counts.values().sum::<usize>();
+        if unplayed > 0 {
+            let verdict = Verdict::of_unplayed(exit(&counts) == Exit::Clean);
+            *counts.entry(verdict).or_default() += unplayed;
+        }
         print(&case::counts(&counts))?;
-        let worst = self.of.keys().map(|verdict| verdict.exit());
-        Ok(worst.max().unwrap_or(Exit::Clean))
+        Ok(exit(&counts))
     }
 }
 

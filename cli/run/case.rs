@@ -331,6 +331,15 @@ impl Verdict {
         }
     }
 
+    /// The verdict of what was not played. Where all others passed it is an error, so that no result is taken for
+    /// complete.
+    pub(crate) fn of_unplayed(is_clean: bool) -> Self {
+        match is_clean {
+            true => Self::Missing,
+            false => Self::Skipped,
+        }
+    }
+
     /// Exit code of a program that has played nothing else.
     pub(crate) fn exit(self) -> Exit {
         match self {

@@ -62,19 +62,14 @@ impl<'a> View<'a> {
         }
     }
 
-    /// So many cases that were not played. Where all others passed, this is an error, so that no report is taken for
-    /// complete.
+    /// So many cases that were not played. `is_clean` says that all others passed.
     pub(crate) fn unplayed(count: usize, is_clean: bool) -> Self {
         let what = match count {
             1 => "this was".to_owned(),
             count => format!("{count} cases were"),
         };
         let reason = format!("the run ended before {what} played");
-        let verdict = match is_clean {
-            true => Verdict::Missing,
-            false => Verdict::Skipped,
-        };
-        Self::bare(verdict, Some(reason))
+        Self::bare(Verdict::of_unplayed(is_clean), Some(reason))
     }
 
     /// `is_live` says that there is a real client.
