@@ -135,7 +135,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     audience.results.as_mut().map_or(Ok(()), Results::flush)?;
     audience.junit.map_or(Ok(()), Junit::finish)?;
     if let Some(page) = &page {
-        page.write(&cases)?;
+        page.write(&cases, audience.counts.exit() == Exit::Clean)?;
     }
     let exit = match exit? {
         Exit::Failed if args.exit == ExitArg::Complete => Exit::Clean,
@@ -292,8 +292,10 @@ impl Audience<'_> {
         };
         self.progress.finish_and_clear();
         results.flush()?;
+        let is_clean = self.counts.exit() == Exit::Clean;
         self.junit.take().map_or(Ok(()), Junit::finish)?;
-        self.page.map_or(Ok(()), |page| page.write(self.cases))?;
+        self.page
+            .map_or(Ok(()), |page| page.write(self.cases, is_clean))?;
         drop(self.scratch.take());
         self.counts.finish()?;
         std::process::exit(Exit::System as i32);
@@ -368,6 +370,7 @@ fn prepare(args: &RunArgs) -> Result<(), Failure> {
 }
 
 /// Number of results of each kind.
+#[derive(Clone)]
 struct Counts {
     /// Number of cases.
     all: usize,
@@ -379,20 +382,22 @@ impl Counts {
         *self.of.entry(verdict).or_default() += 1;
     }
 
+    /// Exit code of what has a result, also an earlier one.
+    fn exit(&self) -> Exit {
+        let exits = self.of.keys().map(|verdict| verdict.exit());
+        exits.max().unwrap_or(Exit::Clean)
+    }
+
     /// Prints the last line, and returns the exit code.
     fn finish(&self) -> Result<Exit, Failure> {
-        let exit = |counts: &BTreeMap<Verdict, usize>| {
-            let exits = counts.keys().map(|verdict| verdict.exit());
-            exits.max().unwrap_or(Exit::Clean)
-        };
-        let mut counts = self.of.clone();
-        let unplayed = self.all - counts.values().sum::<usize>();
+        let mut all = self.clone();
+        let unplayed = self.all - self.of.values().sum::<usize>();
         if unplayed > 0 {
-            let verdict = Verdict::of_unplayed(exit(&counts) == Exit::Clean);
-            *counts.entry(verdict).or_default() += unplayed;
+            let verdict = Verdict::of_unplayed(self.exit() == Exit::Clean);
+            *all.of.entry(verdict).or_default() += unplayed;
         }
-        print(&case::counts(&counts))?;
-        Ok(exit(&counts))
+        print(&case::counts(&all.of))?;
+        Ok(all.exit())
     }
 }
 

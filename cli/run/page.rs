@@ -19,7 +19,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rigsim_core::device::Devices;
 
 use crate::args::RunArgs;
-use crate::exit::{Exit, Failure};
+use crate::exit::Failure;
 use crate::print::OutputFile;
 use crate::visible::{self, lines as readable};
 
@@ -94,8 +94,8 @@ impl Page {
         self.shown().rows.insert(index, row);
     }
 
-    /// Writes the page, also of an aborted run.
-    pub(crate) fn write(&self, cases: &[Case<'_>]) -> Result<(), Failure> {
+    /// Writes the page, also of an aborted run. `is_clean` says that all that was played passed, also earlier.
+    pub(crate) fn write(&self, cases: &[Case<'_>], is_clean: bool) -> Result<(), Failure> {
         let mut shown = self.shown();
         let unplayed = unplayed(cases, |index| shown.rows.contains_key(&index));
         let mut rows: Vec<Row> = std::mem::take(&mut shown.rows).into_values().collect();
@@ -104,7 +104,6 @@ impl Page {
             row.inside = shown.cases.remove(&row.name);
             *counts.entry(row.verdict).or_default() += 1;
         }
-        let is_clean = rows.iter().all(|row| row.verdict.exit() == Exit::Clean);
         for one in unplayed {
             let title = &one.first.loaded.scenario.title;
             let view = View::unplayed(one.count, is_clean);

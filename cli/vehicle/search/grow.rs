@@ -88,11 +88,11 @@ impl Search<'_> {
             for scale in SCALES {
                 kept = self.grow(kept, scale, scale == 1.0, &mut None)?;
             }
-            let before = self.set(&model.settings);
-            model = self.model(&kept[0], 1.0)?;
-            if self.set(&model.settings) == before {
+            let next = self.model(&kept[0], 1.0)?;
+            if self.price(&next, true)? >= self.price(&model, true)? {
                 break;
             }
+            model = next;
         }
         Ok(model)
     }
