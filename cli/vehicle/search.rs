@@ -29,7 +29,7 @@ const SEEDS: u64 = 6;
 const FRESH: usize = 2;
 /// Least cost that a change has to save.
 const MARGIN: f64 = 40.0;
-/// Most cost that a single play saves by luck.
+/// What a single play may save by luck, and half as much again.
 const LUCK: f64 = 300.0;
 /// Square of the least visible change, in standard deviations.
 const TOUCHED: f64 = 25.0;
