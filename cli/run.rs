@@ -45,9 +45,12 @@ pub(crate) use case::{Case, CaseResult, Played, Verdict};
 pub(crate) use folder::scratch;
 pub(crate) use json::verdict as verdict_json;
 pub(crate) use live::NO_PORT_OPENED;
-pub(crate) use page::{MARKS as REPORT_MARKS, case_in_full, document as report_page};
+pub(crate) use page::{
+    MARKS as REPORT_MARKS, about as about_page, case_in_full, document as report_page,
+};
 pub(crate) use pool::{play_quietly, stop_by_signals};
 pub(crate) use tell::written as client_output;
+pub(crate) use twice::play as play_twice;
 pub(crate) use view::signature;
 
 /// The `run` subcommand.

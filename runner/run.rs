@@ -349,7 +349,7 @@ impl Run {
     /// the run does not pass.
     pub fn fail(&mut self, what: String) {
         let at = self.situation.rig.now();
-        self.add_failure(FailureKind::Client, at, None, what);
+        self.add_failure(FailureKind::Client, at, None, what.into());
     }
 
     /// Counts of what happened at each device so far, and of what is attributed to its client.

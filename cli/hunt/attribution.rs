@@ -17,7 +17,7 @@ use crate::exit::Failure;
 use crate::recording;
 use crate::run::Case;
 
-use super::player::{keys, records};
+use super::player::{broken, records};
 use super::space::step_name;
 
 /// Time between two stops of the ideal operator.
@@ -54,7 +54,7 @@ pub(super) fn is_unavoidable(
                 run.clear_step(step).map_err(Failure::system)?;
             }
             let outcome = go_on(&mut run, open, &records, then).map_err(Failure::system)?;
-            if !keys(&outcome).contains_key(key) {
+            if !broken(&outcome).contains_key(key) {
                 return Ok(false);
             }
         }

@@ -13,7 +13,7 @@ use crate::run::{Case, CaseResult, case_in_full};
 use crate::visible;
 
 use super::attribution;
-use super::player::Seen;
+use super::player::{Broken, Seen};
 use super::search::{Found, Hunt};
 use super::space::{FOR_GOOD, Fault, Form, Frame, Kind, Trigger, duration, step_name};
 
@@ -37,7 +37,8 @@ const GIVE_UP: u64 = 300;
 const OWN: [&str; 2] = ["the client", "it was still"];
 /// Durations to which a finding is shortened, and times by which it is moved, ms.
 const SHORTER: [u64; 8] = [10, 20, 50, 100, 200, 500, 1000, 2000];
-const MOVED: [u64; 7] = [20, 50, 100, 200, 500, 1000, 2000];
+const MOVED: [u64; 7] = [20, 50, 100, 200, 500, 1000, WIDEST];
+const WIDEST: u64 = 2000;
 /// Times are rounded to these, ms.
 const ROUND: [u64; 5] = [1000, 500, 100, 50, 10];
 
@@ -48,21 +49,24 @@ impl Hunt<'_> {
         run: u64,
         schedule: &[Fault],
         key: &str,
-        failure: &str,
+        broken: &Broken,
     ) -> Result<bool, Failure> {
         if self.is_known(schedule, key) {
             return Ok(self.has_found(key));
         }
         let of = ids(schedule);
         if self.is_unavoidable(schedule, key)? {
-            self.count_unavoidable(key, failure);
+            self.count_unavoidable(key, broken);
             return Ok(false);
         }
         let words: Vec<String> = schedule.iter().map(Fault::words).collect();
         let words = words.join("\n  ");
         complain_above(
             &self.bar,
-            &format!("found in run {run}, now made smaller:\n  {words}"),
+            &format!(
+                "found in run {run}, now made smaller: {}\n  {words}",
+                broken.rule
+            ),
         );
         let before = self.player.asked;
         let (schedule, is_cut) = self.shrink(schedule, key)?;
@@ -73,7 +77,7 @@ impl Hunt<'_> {
         if is_unavoidable {
             complain_above(&self.bar, "  it shrinks to what no client can avoid");
             known.push(of);
-            self.count_unavoidable(key, failure);
+            self.count_unavoidable(key, broken);
             return Ok(false);
         }
         if known.contains(&shrunk) {
@@ -83,9 +87,9 @@ impl Hunt<'_> {
         }
         known.extend([of, shrunk]);
         let mut found = Found {
-            rule: rule_of(failure).to_owned(),
+            rule: broken.rule.clone(),
             key: key.to_owned(),
-            failure: failure.to_owned(),
+            failure: broken.failure.clone(),
             faults: schedule.iter().map(Fault::words).collect(),
             file: None,
             run,
@@ -114,8 +118,8 @@ impl Hunt<'_> {
         earlier.count() >= MOST_OF_RULE || known.any(contains)
     }
 
-    fn count_unavoidable(&mut self, key: &str, failure: &str) {
-        let first = || (rule_of(failure).to_owned(), 0);
+    fn count_unavoidable(&mut self, key: &str, broken: &Broken) {
+        let first = || (broken.rule.clone(), 0);
         let all = self.state.unavoidable.entry(key.to_owned());
         all.or_insert_with(first).1 += 1;
     }
@@ -279,15 +283,16 @@ impl Hunt<'_> {
         let plain = frame.document(&found.schedule);
         let first = self.player.play_again(&plain)?;
         let again = self.player.play_again(&plain)?;
-        let Some(failure) = first.broken.get(key).filter(|_| first.trace == again.trace) else {
+        let Some(broken) = first.broken.get(key).filter(|_| first.trace == again.trace) else {
             complain_above(
                 &self.bar,
                 "  it could not be played twice with the same result, and is not written",
             );
             return Ok(());
         };
-        found.failure.clone_from(failure);
-        rule_of(failure).clone_into(&mut found.rule);
+        found.failure.clone_from(&broken.failure);
+        found.rule.clone_from(&broken.rule);
+        self.bar.set_message(format!("played with {SEEDS} seeds"));
         let all = (0..SEEDS).map(|more| (plain.as_str(), seed.wrapping_add(more)));
         let all = self.player.play_seeds(&all.collect::<Vec<_>>(), false)?;
         let fails = all.iter().filter(|seen| seen.broken.contains_key(key));
@@ -320,7 +325,10 @@ impl Hunt<'_> {
             let name = step_name(index);
             let sides = by.iter().zip(["earlier", "later"]);
             let sides = sides.filter(|(by, _)| **by > 0);
-            let sides = sides.map(|(by, side)| format!("up to {} {side}", duration(*by)));
+            let sides = sides.map(|(by, side)| match *by {
+                WIDEST => format!("{} or more {side}", duration(*by)),
+                by => format!("up to {} {side}", duration(by)),
+            });
             let sides = sides.collect::<Vec<_>>().join(" or ");
             head += &match sides.as_str() {
                 "" => format!(
@@ -332,8 +340,9 @@ impl Hunt<'_> {
         }
         let words = found.faults.join("; ");
         let breaks = ["break", "breaks"][usize::from(found.schedule.len() == 1)];
-        let title = format!("{} {breaks} a rule", ids(&found.schedule).join(" and "));
-        let about = (title.as_str(), &*format!("{words}. Then {rule}."));
+        let kinds: Vec<&str> = found.schedule.iter().map(|fault| fault.kind).collect();
+        let title = format!("{} {breaks} a rule", kinds.join(" and "));
+        let about = (title.as_str(), &*format!("{words}. It breaks: {rule}."));
         file.write(&frame.finding(&found.schedule, &head, about, folder))?;
         complain_above(&self.bar, &format!("  {}{replaced}", visible::name(&path)));
         found.file = Some(name);
@@ -395,14 +404,6 @@ impl Hunt<'_> {
 /// Returns whether a client may end with an exit code: it may give up where a fault lasts.
 fn may_end(schedule: &[Fault], key: &str) -> bool {
     key.starts_with(GAVE_UP) && schedule.iter().any(|fault| fault.is_longer(GIVE_UP))
-}
-
-/// The rule of a failure as text, without its time and values.
-fn rule_of(failure: &str) -> &str {
-    let what = failure.split_once(": ").map_or(failure, |(_, what)| what);
-    let ends = [", but ", " began at ", " × ", ", first at "];
-    let ends = ends.iter().filter_map(|end| what.find(end));
-    &what[..ends.min().unwrap_or(what.len())]
 }
 
 fn ids(schedule: &[Fault]) -> Vec<String> {

@@ -111,8 +111,8 @@ impl Samples {
         }
     }
 
-    /// The moments, in the order of time.
-    pub(super) fn moments(&self) -> Vec<Moment> {
+    /// The moments until a time in ms, in order: a fault does nothing to a client that has ended.
+    pub(super) fn moments(&self, until: u64) -> Vec<Moment> {
         let mut indices: Vec<usize> = Vec::new();
         for (column, rank) in self.ranks.iter().enumerate() {
             let value = |row: usize| self.values[row][column];
@@ -134,6 +134,7 @@ impl Samples {
             indices.sort_unstable();
             indices.dedup();
         }
+        indices.retain(|row| self.times[*row] <= until);
         let mut chosen: Vec<usize> = Vec::new();
         // Those with the greatest difference of state first.
         while chosen.len() < MOST {

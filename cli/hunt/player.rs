@@ -23,7 +23,7 @@ use crate::exit::Failure;
 use crate::json_lines::Lines;
 use crate::print::complain;
 use crate::run::{
-    Case, CaseResult, Plan, Verdict, play_quietly, scratch, signature, stop_by_signals,
+    Case, CaseResult, Plan, Verdict, play_quietly, play_twice, scratch, signature, stop_by_signals,
 };
 use crate::scenario_files::{Given, Loaded, load_text};
 use crate::visible;
@@ -44,8 +44,8 @@ const MOST_HEAD: usize = 4;
 /// Result of a run.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Seen {
-    /// Broken rules by key, with the first failure of each.
-    pub(super) broken: BTreeMap<String, String>,
+    /// Broken rules by key.
+    pub(super) broken: BTreeMap<String, Broken>,
     /// Margins of the rules.
     pub(super) margins: BTreeMap<String, f64>,
     /// Digest of what the client sent.
@@ -63,6 +63,14 @@ pub(super) struct Seen {
     pub(super) ended: u64,
     /// Why there is no verdict, if there is none.
     pub(super) error: Option<String>,
+}
+
+/// A rule that was broken.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct Broken {
+    pub(super) rule: String,
+    /// Its first failure, with time and values.
+    pub(super) failure: String,
 }
 
 impl Seen {
@@ -248,6 +256,13 @@ impl<'a> Player<'a> {
         Ok(self.play_seeds(&[(text, self.seed)], true)?.remove(0))
     }
 
+    /// What differs first between two runs of a file; `None` if nothing does this time.
+    pub(super) fn difference(&self, text: &str) -> Result<Option<String>, Failure> {
+        let loaded = self.load(text)?;
+        let result = play_twice(&Case::new(&self.args, &loaded, 0, self.seed), &self.stop)?;
+        Ok(result.failed().map(|failure| failure.what.clone()))
+    }
+
     /// Plays files with seeds. Results of earlier plays are reused unless `again` is set.
     pub(super) fn play_seeds(
         &mut self,
@@ -430,7 +445,7 @@ impl<'a> Player<'a> {
         let rounded = |margin: f64| (margin * 1e4).round() / 1e4;
         let margin = |rule: &Margin| (rule.what.clone(), rounded(rule.margin));
         Seen {
-            broken: keys(outcome),
+            broken: broken(outcome),
             margins: outcome.margins.iter().map(margin).collect(),
             sent: sent.finish(),
             class: class.finish(),
@@ -458,18 +473,22 @@ fn read_journal(mut journal: &File, head: &Value) -> (u64, BTreeMap<u64, Seen>) 
     (lines.whole, runs)
 }
 
-/// The key of a failure: the same for the same failure of two runs.
-pub(super) fn keys(outcome: &Outcome) -> BTreeMap<String, String> {
-    let mut keys = BTreeMap::new();
+/// What failed, by a key that is the same for the same failure of two runs.
+pub(super) fn broken(outcome: &Outcome) -> BTreeMap<String, Broken> {
+    let mut all = BTreeMap::new();
     for failure in &outcome.failures {
-        if failure.kind < FailureKind::Consequence {
-            let key = signature(&failure.what);
-            let key = key.split([',', '×']).next().unwrap_or(&key).trim();
-            keys.entry(key.to_owned())
-                .or_insert_with(|| failure.to_string());
-        }
+        let rule = || failure.rule.clone();
+        let key = match failure.kind {
+            FailureKind::Rule => rule(),
+            FailureKind::Client => signature(&failure.rule),
+            FailureKind::Consequence => continue,
+        };
+        all.entry(key).or_insert_with(|| Broken {
+            rule: rule(),
+            failure: failure.to_string(),
+        });
     }
-    keys
+    all
 }
 
 /// The trace of a case that was played.

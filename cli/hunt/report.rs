@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::args::{HuntArgs, StageArg};
 use crate::exit::{Exit, Failure};
 use crate::print::{OutputFile, print};
-use crate::run::{REPORT_MARKS, report_page};
+use crate::run::{REPORT_MARKS, about_page, report_page};
 use crate::visible::{self, lines as readable};
 
 use super::finding::GAVE_UP;
@@ -77,7 +77,7 @@ impl Summary {
                 "margin": tried.seen.nearest(&state.usual),
                 "alone": alone.collect::<Vec<_>>(),
                 "nearer": tried.seen.nearer(&state.usual).collect::<BTreeMap<_, _>>(),
-                "broken": tried.seen.broken.values().collect::<Vec<_>>(),
+                "broken": tried.seen.broken.values().map(|one| &one.failure).collect::<Vec<_>>(),
                 "error": tried.seen.error,
             })
         });
@@ -111,7 +111,11 @@ impl Summary {
     pub(super) fn finish(self) -> Result<Exit, Failure> {
         if let Some(report) = &self.report {
             let body = html! { @for page in &self.pages { (page) } };
-            let page = report_page(&format!("{} found", self.found), &[], &body);
+            let page = report_page(
+                &format!("{} found", self.found),
+                &about_page("lockstep"),
+                &body,
+            );
             report.write(&page.into_string())?;
         }
         print(&self.lines.join("\n"))?;
@@ -157,10 +161,11 @@ fn text_of(hunt: &Hunt<'_>) -> String {
         random.failed,
     ) {
         (0, _) => {}
-        // The rule of three: the bound that holds with a confidence of 95 %.
+        // The bound that holds with a confidence of 95 %.
         (runs, 0) => {
-            let most = 300_u64.div_ceil(runs).min(100);
-            text += &format!("{others} without failure: fewer than {most} % of them fail (95 %)");
+            let most = (100.0 * (1.0 - 0.05_f64.powf(1.0 / runs as f64))).ceil();
+            text +=
+                &format!("{others} without failure: fewer than {most:.0} % of them fail (95 %)");
         }
         (_, failed) => text += &format!(", {failed} with a failure"),
     }
@@ -223,7 +228,7 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
     };
     Ok(html! {
         h2 { (readable(&hunt.job.name())) }
-        p { (readable(&text_of(hunt))) }
+        pre.wrapped { (readable(&text_of(hunt))) }
         @for (found, picture) in state.found.iter().zip(&pictures) {
             h3 { (readable(&found.rule)) }
             p { (readable(&found.failure)) }
@@ -252,8 +257,13 @@ fn page_of(hunt: &Hunt<'_>) -> Result<Markup, Failure> {
                     @for column in 0..state.moments.len() {
                         @match margin(row, column) {
                             Some(Some(margin)) => {
-                                td.number style=(format!("background:hsl({:.0} 70% 75%)", 120.0 * margin.min(1.0))) {
-                                    @if margin.is_finite() { (format!("{margin:.2}")) }
+                                td.number style=(format!("color:#000;background:hsl({:.0} 70% 75%)", 120.0 * margin.min(1.0))) {
+                                    @match margin {
+                                        // 0.00 would be a broken rule.
+                                        margin if margin > 0.0 && margin < 0.005 => "<0.01",
+                                        margin if margin.is_finite() => (format!("{margin:.2}")),
+                                        _ => "",
+                                    }
                                 }
                             }
                             Some(None) => { td.number { "–" } }

@@ -19,7 +19,7 @@ use crate::run::client_output;
 use crate::scenario_files::Loaded;
 
 use super::moments::{Moment, Samples};
-use super::player::{MOST_FAULTS, Player, Seen, records};
+use super::player::{Broken, MOST_FAULTS, Player, Seen, records};
 use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, counted, kinds, step_name};
 
 /// Most runs in a round. The choice of the next runs depends on complete rounds only.
@@ -63,7 +63,7 @@ pub(super) struct Tried {
 impl Tried {
     /// What is known of a fault of it, and whether that hit something.
     pub(super) fn of(&self, index: usize) -> (&Seen, bool) {
-        let alone = self.alone.get(index).filter(|seen| seen.error.is_none());
+        let alone = self.alone.get(index);
         let (seen, index) = alone.map_or((&self.seen, index), |seen| (seen, 0));
         (seen, seen.hit.get(index) == Some(&true))
     }
@@ -200,11 +200,13 @@ impl Hunt<'_> {
         let first = without_faults(&mut self.player, self.job, &text, "", Failure::system)?;
         let again = self.player.play_again(&text)?;
         if first.trace != again.trace {
-            let again = self.player.command(&text, &self.job.path)?;
-            let twice = again.replacen("run", "run --twice", 1);
+            let differs = self.player.difference(&text)?;
+            let differs = differs.map_or_else(String::new, |differs| format!(": {differs}"));
+            let twice = self.player.command(&text, &self.job.path)?;
+            let twice = twice.replacen("run", "run --twice", 1);
             return usage(anyhow!(
-                "the client did not do the same in two runs without faults, so no search is possible; \
-                 `{twice}` shows the first difference"
+                "the client did not do the same in two runs without faults, so no search is possible{differs}; \
+                 `{twice}` plays it so"
             ));
         }
         if let Some(reference) = &mut self.reference {
@@ -226,18 +228,26 @@ impl Hunt<'_> {
                 "{name} has none of these kinds of faults; `sim faults` lists them"
             ));
         }
+        let rules = first.margins.len();
         let state = &mut self.state;
         state.sent.insert(first.sent);
-        state.usual = first;
         state.kinds = all;
-        state.moments = samples.moments();
+        state.moments = samples.moments(first.ended);
+        state.usual = first;
         let (kinds, moments) = (state.kinds.len(), state.moments.len());
         self.state.columns = (0..kinds).map(|kind| self.column(kind)).collect();
         complain(&format!(
-            "{name}: {} of faults at {}",
+            "{name}: {} of faults at {}, {} judged",
             counted(kinds, "kind"),
-            counted(moments, "moment")
+            counted(moments, "moment"),
+            counted(rules, "rule"),
         ));
+        if rules == 0 {
+            complain(
+                "  without a rule that is judged, only a client that ends with an error is found; --rules adds some, \
+                 and those with `mission = true` do not count",
+            );
+        }
         Ok(())
     }
 
@@ -380,6 +390,7 @@ impl Hunt<'_> {
             let state = &mut self.state;
             state.spent += 1;
             let run = state.spent;
+            self.bar.set_position(run);
             let count = state.counts.entry(stage).or_default();
             count.runs += 1;
             count.without_hit += u64::from(!seen.hits());
@@ -392,7 +403,7 @@ impl Hunt<'_> {
             let alone = self.player.play(&each.collect::<Vec<_>>())?;
             self.learn(planned, seen, alone);
             let mut is_own = false;
-            for (key, failure) in &broken {
+            for (key, how) in &broken {
                 // A fault that is known, or that excuses the client, would hide another that is played with it.
                 let tried = self.state.tried.last();
                 let each = schedule
@@ -404,7 +415,7 @@ impl Hunt<'_> {
                     guilty.push(&schedule);
                 }
                 for faults in guilty {
-                    is_own |= self.look_into(run, faults, key, failure)?;
+                    is_own |= self.look_into(run, faults, key, how)?;
                 }
             }
             let count = self.state.counts.entry(stage).or_default();
@@ -592,7 +603,7 @@ fn without_faults(
     let (refusal, why): (fn(Error) -> Failure, _) = match (&seen.error, seen.broken.values().next())
     {
         (Some(why), _) => (unplayed, why.clone()),
-        (None, Some(failure)) => {
+        (None, Some(Broken { failure, .. })) => {
             let why = "the client fails in the job as it is, which has to be fixed first";
             (Failure::usage, format!("{why}: {failure}"))
         }

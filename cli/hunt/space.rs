@@ -273,7 +273,10 @@ impl Frame {
             }
             text += &format!("{action}\noptional = true\n");
         }
-        text + "\n" + &self.rules.to_string()
+        if !self.rules.is_empty() {
+            text += &format!("\n{}", self.rules);
+        }
+        text
     }
 }
 

@@ -59,10 +59,14 @@ impl Page {
     pub(crate) fn begin(devices: Devices, path: &Path, args: &RunArgs) -> Result<Self, Failure> {
         let to = OutputFile::find(path, MARKS)?;
         to.clear()?;
+        let time = match args.client.is_empty() {
+            true => "simulated, with scripted clients",
+            false => args.time.word(),
+        };
         Ok(Self {
             devices,
             to,
-            about: about(args),
+            about: about(time),
             shown: Mutex::default(),
         })
     }
@@ -131,13 +135,9 @@ impl Shown {
 }
 
 /// What was played, and how, in words.
-fn about(args: &RunArgs) -> Vec<(&'static str, String)> {
+pub(crate) fn about(time: &str) -> Vec<(&'static str, String)> {
     let words: Vec<OsString> = std::env::args_os().skip(1).collect();
     let command = visible::command(words.iter().map(OsString::as_os_str));
-    let time = match args.client.is_empty() {
-        true => "simulated, with scripted clients",
-        false => args.time.word(),
-    };
     vec![
         ("Command", format!("sim {command}")),
         ("Time", time.to_owned()),

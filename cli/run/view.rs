@@ -186,10 +186,8 @@ impl<'a> View<'a> {
     }
 }
 
-/// What failed, without the values that it was found by and other numbers outside of conditions, so
-/// that the same failure of two seeds has the same.
+/// What failed, without numbers outside of conditions, so that the same failure of two seeds has the same.
 pub(crate) fn signature(what: &str) -> String {
-    let what = what.split(", but ").next().unwrap_or(what);
     let mut parts: Vec<String> = what.split('`').map(str::to_owned).collect();
     for part in parts.iter_mut().step_by(2) {
         while let Some(from) = part.find(|c: char| c.is_ascii_digit()) {

@@ -3,7 +3,7 @@
 use rigsim_core::SimTime;
 
 use super::agenda::Agenda;
-use super::outcome::Margin;
+use super::outcome::{Margin, What};
 use super::plan::Plan;
 use super::responses::ResponseState;
 use super::rules::RuleState;
@@ -61,7 +61,7 @@ impl Expectations {
         situation: &Situation,
         agenda: &mut Agenda,
         now: SimTime,
-    ) -> Vec<String> {
+    ) -> Vec<What> {
         let mut failed = Vec::new();
         for (state, rule) in self.rules.iter_mut().zip(&plan.scenario.rules) {
             failed.extend(state.judge(rule, situation, agenda, now));

@@ -7,8 +7,7 @@ use rigsim_core::event::Event;
 
 use super::Run;
 use super::margin::distance;
-use super::outcome::FailureKind;
-use super::rules::with_message;
+use super::outcome::{FailureKind, What};
 use crate::condition::{Condition, ExpressionError};
 use crate::scenario::{StepAction, Trigger};
 
@@ -117,7 +116,7 @@ impl Run {
                     continue;
                 }
                 Ok(false) => Some(self.not_held(expected.step, that, message.as_deref())),
-                Err(why) => Some(why.to_string()),
+                Err(why) => Some(why.to_string().into()),
             };
             if let Some(why) = why {
                 self.steps[expected.step].slack.break_at(now);
@@ -146,10 +145,10 @@ impl Run {
         step: usize,
         condition: &Condition,
         message: Option<&str>,
-    ) -> String {
+    ) -> What {
         let (found, nearest) = (self.explain(condition), self.steps[step].nearest());
-        let text = format!("expected `{}`, but {found}{nearest}", condition.text);
-        with_message(message, &text)
+        let rule = format!("expected `{}`", condition.text);
+        What::of(message, &rule, format!(", but {found}{nearest}"))
     }
 
     /// Returns whether what happened is not the client's fault.

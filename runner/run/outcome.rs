@@ -83,6 +83,9 @@ pub struct Failure {
     pub step: Option<String>,
     /// Description, and the values that it was found by.
     pub what: String,
+    /// The description without these values: the same in each run that breaks this rule.
+    #[serde(skip)]
+    pub rule: String,
     /// What surrounds it in the run.
     #[serde(flatten)]
     pub context: Context,
@@ -98,6 +101,7 @@ impl Outcome {
             kind: FailureKind::Client,
             at: self.ended_at,
             step: None,
+            rule: what.clone(),
             what,
             context: std::mem::take(&mut self.last),
         };
@@ -143,6 +147,36 @@ pub struct DeviceReport {
 
 fn seconds<S: Serializer>(at: &SimTime, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_f64(at.as_secs_f64())
+}
+
+/// What failed: a rule, and what was found instead.
+#[derive(Debug, Clone)]
+pub(super) struct What {
+    pub rule: String,
+    pub found: String,
+}
+
+impl What {
+    /// A rule, with the message that the file has for it.
+    pub(super) fn of(message: Option<&str>, rule: &str, found: String) -> Self {
+        let rule = message.map_or_else(|| rule.to_owned(), |message| format!("{message}: {rule}"));
+        Self { rule, found }
+    }
+}
+
+impl From<String> for What {
+    fn from(rule: String) -> Self {
+        Self {
+            rule,
+            found: String::new(),
+        }
+    }
+}
+
+impl fmt::Display for What {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", self.rule, self.found)
+    }
 }
 
 impl fmt::Display for Failure {

@@ -5,8 +5,8 @@ use rigsim_settings::show_duration;
 
 use super::agenda::{Agenda, Item};
 use super::margin::Slack;
+use super::outcome::What;
 use super::plan::Plan;
-use super::rules::with_message;
 use crate::condition::Situation;
 use crate::scenario::{Cause, Response, Scenario};
 
@@ -106,7 +106,7 @@ impl Response {
         pending: Pending,
         scenario: &Scenario,
         situation: &Situation,
-    ) -> String {
+    ) -> What {
         let cause = match &self.to {
             Cause::Whenever(cause) => format!("`{}` began", cause.text),
             Cause::Step(step) => format!("\"{}\" happened", scenario.steps[*step].name),
@@ -122,8 +122,8 @@ impl Response {
             ),
         };
         let found = self.then.explain(situation);
-        let text = format!("{demand} {cause} at {since} s, but {found}");
-        with_message(self.message.as_deref(), &text)
+        let found = format!(" at {since} s, but {found}");
+        What::of(self.message.as_deref(), &format!("{demand} {cause}"), found)
     }
 
     pub(super) fn words(&self) -> String {

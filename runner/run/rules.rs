@@ -7,6 +7,7 @@ use rigsim_settings::show_duration;
 
 use super::agenda::{Agenda, Item};
 use super::margin::Slack;
+use super::outcome::What;
 use super::plan::Plan;
 use crate::condition::Situation;
 use crate::scenario::Rule;
@@ -61,7 +62,7 @@ impl RuleState {
         situation: &Situation,
         agenda: &mut Agenda,
         now: SimTime,
-    ) -> Option<String> {
+    ) -> Option<What> {
         let begun = self.from.is_some_and(|from| from <= now);
         if self.closed || !begun || self.until.is_some_and(|until| until < now) {
             return None;
@@ -87,10 +88,10 @@ impl RuleState {
                     return None;
                 }
                 let found = rule.that.explain(situation);
-                let text = format!("{}, but {found}", rule.words());
-                with_message(rule.message.as_deref(), &text)
+                let found = format!(", but {found}");
+                What::of(rule.message.as_deref(), &rule.words(), found)
             }
-            Err(why) => why.to_string(),
+            Err(why) => why.to_string().into(),
         };
         self.closed = true;
         self.slack.break_at(now);
@@ -119,8 +120,4 @@ impl Rule {
         };
         format!("{word} `{}`{longer}", self.that.text)
     }
-}
-
-pub(super) fn with_message(message: Option<&str>, text: &str) -> String {
-    message.map_or_else(|| text.to_owned(), |message| format!("{message}: {text}"))
 }

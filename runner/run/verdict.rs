@@ -9,7 +9,7 @@ use rigsim_settings::show_duration;
 
 use super::Run;
 use super::context::in_effect;
-use super::outcome::{DeviceReport, Failure, FailureKind, FaultRecord, Margin, Outcome};
+use super::outcome::{DeviceReport, Failure, FailureKind, FaultRecord, Margin, Outcome, What};
 use super::record::Record;
 use super::steps::FaultCounts;
 use crate::scenario::{Step, StepAction, Trigger};
@@ -18,14 +18,14 @@ use crate::scenario::{Step, StepAction, Trigger};
 const MOST_FAILURES: usize = 50;
 
 impl Run {
-    pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {
-        self.fail_step_by(FailureKind::Rule, index, at, what);
+    pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: impl Into<What>) {
+        self.fail_step_by(FailureKind::Rule, index, at, what.into());
     }
 
-    fn fail_step_by(&mut self, kind: FailureKind, index: usize, at: SimTime, what: String) {
+    fn fail_step_by(&mut self, kind: FailureKind, index: usize, at: SimTime, what: What) {
         let step = Some(self.plan.scenario.steps[index].name.clone());
         let state = &mut self.steps[index];
-        state.failure.get_or_insert_with(|| what.clone());
+        state.failure.get_or_insert_with(|| what.to_string());
         self.add_failure(kind, at, step, what);
     }
 
@@ -42,7 +42,7 @@ impl Run {
             if may_lack && !step.mission {
                 not_applicable.push(format!("\"{}\": {what}", step.name));
             } else {
-                self.fail_step_by(FailureKind::Consequence, index, now, what);
+                self.fail_step_by(FailureKind::Consequence, index, now, what.into());
             }
         }
         not_applicable.extend(self.devices_without_client());
@@ -54,8 +54,9 @@ impl Run {
         kind: FailureKind,
         at: SimTime,
         step: Option<String>,
-        what: String,
+        What { rule, found }: What,
     ) {
+        let what = format!("{rule}{found}");
         self.record(|| Record::Failure {
             t: at.as_nanos(),
             step: step.clone(),
@@ -70,6 +71,7 @@ impl Run {
                 at,
                 step,
                 what,
+                rule,
                 context,
             });
         } else {
@@ -149,12 +151,12 @@ impl Run {
             };
             let why = self.not_held(expected.step, that, message.as_deref());
             let why = format!("the run ended before its time was up: {why}");
-            self.fail_step_by(FailureKind::Consequence, expected.step, now, why);
+            self.fail_step_by(FailureKind::Consequence, expected.step, now, why.into());
         }
         let unanswered = self.script.unanswered().into_iter();
         for (step, why) in unanswered.filter(|(step, _)| !endless(*step)) {
             let why = format!("the run ended before its time was up: {why}");
-            self.fail_step_by(FailureKind::Consequence, step, now, why);
+            self.fail_step_by(FailureKind::Consequence, step, now, why.into());
         }
     }
 
@@ -247,22 +249,22 @@ impl Run {
             return;
         }
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
-            let found: Vec<String> = self.situation.counters[index]
+            let found: Vec<What> = self.situation.counters[index]
                 .report
                 .client_errors()
                 .filter(|(code, _)| match &demand.allowed {
                     Some(allowed) => !allowed.iter().any(|kind| kind == code),
                     None => demand.forbidden.iter().any(|kind| kind == code),
                 })
-                .map(|(code, tally)| {
-                    format!(
-                        "{code} × {}, first at {} s: {}",
+                .map(|(code, tally)| What {
+                    rule: format!("client report of {}: {code}", plan.name),
+                    found: format!(
+                        " × {}, first at {} s: {}",
                         tally.client_errors, tally.first_at, tally.first
-                    )
+                    ),
                 })
                 .collect();
             for what in found {
-                let what = format!("client report of {}: {what}", plan.name);
                 self.add_failure(FailureKind::Rule, now, None, what);
             }
         }

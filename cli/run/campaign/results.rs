@@ -98,7 +98,7 @@ impl Results {
             return Ok(());
         }
         let (played, failed) = (result.played.as_ref(), result.failed());
-        let what = failed.map(|failure| &failure.what);
+        let what = failed.map(|failure| &failure.rule);
         let margins = played.iter().flat_map(|played| &played.outcome.margins);
         let margins = margins.map(|rule| (rule.what.clone(), rule.margin));
         self.add(&Line {
@@ -118,7 +118,7 @@ impl Results {
 
     /// Keeps the trace of a case that failed if it is among the first of its failure; called in the order of cases.
     pub(crate) fn keep_trace(&mut self, trace: &Path, failed: &Failed) -> Result<(), Failure> {
-        let count = self.failures.entry(signature(&failed.what)).or_default();
+        let count = self.failures.entry(signature(&failed.rule)).or_default();
         *count += 1;
         if *count > TRACES {
             return Ok(());
