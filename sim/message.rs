@@ -318,8 +318,9 @@ pub struct FieldInfo {
     pub values: &'static [&'static str],
     /// Names of conditions: one for each element, or one of a list for its smallest element.
     pub named: &'static [&'static str],
-    /// Names of conditions that are true or false: one for each bit or value, empty for none.
-    pub flags: &'static [&'static str],
+    /// Names of conditions that are true or false, with their meaning: one for each bit or value,
+    /// empty for none.
+    pub flags: &'static [(&'static str, &'static str)],
 }
 
 impl FieldInfo {
@@ -380,8 +381,8 @@ impl FieldInfo {
         let named = named.zip(each.into_iter().map(move |number| number / per));
         let whole = numbers.first().map_or(0, |number| whole(*number));
         let by_value = !self.values.is_empty();
-        let flags = (0..).zip(self.flags).filter(|(_, name)| !name.is_empty());
-        named.chain(flags.map(move |(index, name)| {
+        let flags = (0..).zip(self.flags).filter(|(_, flag)| !flag.0.is_empty());
+        named.chain(flags.map(move |(index, (name, _))| {
             let is_set = if by_value {
                 whole == index
             } else {

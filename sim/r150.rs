@@ -75,7 +75,7 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
     ],
     build: |setup, world| Box::new(R150::new(setup, world)),
     codes: event::CODES,
-    names: &[COMMON, names::NAMES, names::RAILS],
+    names: &[COMMON, names::NAMES, names::STATUS, names::RAILS],
     messages: &[Request::INFOS, REPLIES],
     host: host::HOST,
     effects: &[

@@ -191,8 +191,8 @@ pub(super) fn of_message(message: &'static MessageInfo) -> Vec<NameInfo> {
         let unit = Unit::Number(field.unit);
         let numbers = field.named.iter();
         names.extend(numbers.map(|name| row(name, unit, field.text, Getter::Field(name))));
-        let flags = field.flags.iter().filter(|name| !name.is_empty());
-        names.extend(flags.map(|name| row(name, Unit::Flag, field.text, Getter::Bit(name))));
+        let flags = field.flags.iter().filter(|(name, _)| !name.is_empty());
+        names.extend(flags.map(|(name, text)| row(name, Unit::Flag, text, Getter::Bit(name))));
     }
     names
 }

@@ -43,7 +43,8 @@ crate::messages! {
             #[serde(default)]
             seq: u8;
             /// 0 board, 1 remote control.
-            mode: u8, values &["board", "remote"], flags &["", "client.asked_remote"];
+            mode: u8, values &["board", "remote"],
+                flags &[("", ""), ("client.asked_remote", "the remote control was asked to drive")];
         };
     }
 }

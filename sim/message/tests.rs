@@ -45,14 +45,11 @@ fn declarations_of_every_device_hold_together() {
                     _ => field.bits.len() + field.values.len(),
                 };
                 assert!([0, labels].contains(&field.flags.len()), "{}", field.name);
-                for name in field
-                    .named
-                    .iter()
-                    .chain(field.flags)
-                    .filter(|name| !name.is_empty())
-                {
+                let flags: Vec<&str> = field.flags.iter().map(|(name, _)| *name).collect();
+                let names = field.named.iter().chain(&flags);
+                for name in names.filter(|name| !name.is_empty()) {
                     let found = device.find_name(name).expect("a name");
-                    let is_flag = field.flags.contains(name);
+                    let is_flag = flags.contains(name);
                     assert_eq!(found.unit == Unit::Flag, is_flag, "{name}");
                     assert!(
                         matches!(found.getter, Getter::Field(_) | Getter::Bit(_)),

@@ -6,7 +6,7 @@ use rigsim_physics::r150::{FuseId, Pair, Rail};
 use super::R150;
 use crate::device::names::as_number;
 use crate::device::{NameInfo, View};
-use crate::r150_device::command::sys_status;
+use crate::r150_device::command::{each_rail, each_status_bit, sys_status};
 
 /// What an R150 says; the default of any other device.
 fn on<T: Default>(view: &View<'_>, get: impl FnOnce(&R150) -> T) -> T {
@@ -40,17 +40,21 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::flag("mode.client_has_power", "the client controls the power outputs, not the app", |v| on(v, |r| r.device.control().by_client.power)),
     NameInfo::number("firmware.motor_right", "0.1 %", "motor set-point in effect, right, after watchdog and limits", |v| on(v, |r| f64::from(r.device.motor_set_point()[0]))),
     NameInfo::number("firmware.motor_left", "0.1 %", "motor set-point in effect, left, after watchdog and limits", |v| on(v, |r| f64::from(r.device.motor_set_point()[1]))),
-    NameInfo::flag("firmware.overcurrent_ab", "overcurrent of the 12 V outputs A and B is latched", |v| on(v, |r| r.device.sys_status() & sys_status::OVERCURRENT_AB != 0)),
-    NameInfo::flag("firmware.overcurrent_cd", "overcurrent of the 12 V outputs C and D is latched", |v| on(v, |r| r.device.sys_status() & sys_status::OVERCURRENT_CD != 0)),
-    NameInfo::flag("firmware.overcurrent_48v", "overcurrent of the 48 V output is latched", |v| on(v, |r| r.device.sys_status() & sys_status::OVERCURRENT_48V != 0)),
-    NameInfo::flag("firmware.overcurrent_5v", "overcurrent of the 5 V outputs is latched", |v| on(v, |r| r.device.sys_status() & sys_status::OVERCURRENT_5V != 0)),
-    NameInfo::flag("firmware.over_temperature_ab", "the 12 V supply of A and B is too hot", |v| on(v, |r| r.device.sys_status() & sys_status::OVER_TEMPERATURE_AB != 0)),
-    NameInfo::flag("firmware.over_temperature_cd", "the 12 V supply of C and D is too hot", |v| on(v, |r| r.device.sys_status() & sys_status::OVER_TEMPERATURE_CD != 0)),
-    NameInfo::flag("firmware.power_module_fault", "the power module reports a fault", |v| on(v, |r| r.device.sys_status() & sys_status::POWER_MODULE_FAULT != 0)),
     NameInfo::number("client.last_motor_command_age_s", "s", "time since the last motor command arrived; infinite before", |v| v.age_s(v.counters.last_motion.map(|(at, _)| at))),
     NameInfo::number("client.travel_since_motor_command_m", "m", "path driven since the last motor command arrived; 0 before", |v| v.travel_since_motion_m()),
     NameInfo::number("client.motor_commands", "", "motor commands so far", |v| as_number(v.counters.motion_requests)),
 ];
+
+macro_rules! status_bits {
+    ($($bit:literal $constant:ident $name:literal $text:literal;)+) => {
+        pub(super) static STATUS: &[NameInfo] = &[$(
+            NameInfo::flag(concat!("firmware.", $name), $text, |v| {
+                on(v, |r| r.device.sys_status() & sys_status::$constant != 0)
+            }),
+        )+];
+    };
+}
+each_status_bit!(status_bits);
 
 /// Declares what conditions can say of each output.
 macro_rules! rails {
@@ -68,12 +72,4 @@ macro_rules! rails {
         ];
     };
 }
-
-rails! {
-    V12A "v12a" "the 12 V output A";
-    V12B "v12b" "the 12 V output B";
-    V12C "v12c" "the 12 V output C";
-    V12D "v12d" "the 12 V output D";
-    V48 "v48" "the 48 V output";
-    V5 "v5" "the 5 V output";
-}
+each_rail!(rails);

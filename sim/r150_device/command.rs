@@ -104,21 +104,75 @@ crate::messages! {
     /// Success or failure of a command.
     pub struct Success = 0 "success", Device, link 0 {
         /// Success; failure otherwise.
-        success: bool, flags &["reported.success"];
+        success: bool, flags &[("reported.success", "the last answer to a command was success")];
     }
 }
 
 const SUCCESS: MessageInfo = Success::INFOS[0];
 
-/// Rails by their bits (4.3.1); the other bits are reserved.
-const RAILS: &[&str] = &[
-    Rail::V12A.as_str(),
-    Rail::V12B.as_str(),
-    Rail::V12C.as_str(),
-    Rail::V12D.as_str(),
-    Rail::V48.as_str(),
-    Rail::V5.as_str(),
-];
+/// Declares something of each rail, by its bit (4.3.1); the other bits are reserved.
+macro_rules! each_rail {
+    ($declare:ident) => {
+        $declare! {
+            V12A "v12a" "the 12 V output A";
+            V12B "v12b" "the 12 V output B";
+            V12C "v12c" "the 12 V output C";
+            V12D "v12d" "the 12 V output D";
+            V48 "v48" "the 48 V output";
+            V5 "v5" "the 5 V output";
+        }
+    };
+}
+pub(crate) use each_rail;
+
+macro_rules! rail_names {
+    ($($rail:ident $name:literal $output:literal;)+) => {
+        const RAILS: &[&str] = &[$(Rail::$rail.as_str()),+];
+        const ASKED: &[(&str, &str)] = &[$(
+            (concat!("client.asked_", $name), concat!($output, " was asked for")),
+        )+];
+        const REPORTED_ON: &[(&str, &str)] = &[$(
+            (concat!("reported.", $name, "_on"), concat!($output, " is on, by the last reply")),
+        )+];
+        const CURRENTS: &[&str] = &[$(concat!("reported.", $name, "_a")),+];
+    };
+}
+each_rail!(rail_names);
+
+/// Declares something of each bit of `sysStatus` (manual section 4.3.5), the lowest first.
+macro_rules! each_status_bit {
+    ($declare:ident) => {
+        $declare! {
+            0 OVERCURRENT_AB "overcurrent_ab" "overcurrent of the 12 V outputs A and B is latched";
+            1 OVERCURRENT_CD "overcurrent_cd" "overcurrent of the 12 V outputs C and D is latched";
+            2 OVERCURRENT_48V "overcurrent_48v" "overcurrent of the 48 V output is latched";
+            3 OVERCURRENT_5V "overcurrent_5v" "overcurrent of the 5 V outputs is latched";
+            4 OVER_TEMPERATURE_AB "over_temperature_ab" "the 12 V supply of A and B is too hot";
+            5 OVER_TEMPERATURE_CD "over_temperature_cd" "the 12 V supply of C and D is too hot";
+            6 POWER_MODULE_FAULT "power_module_fault" "the power module reports a fault";
+        }
+    };
+}
+pub(crate) use each_status_bit;
+
+macro_rules! status_bits {
+    ($($bit:literal $constant:ident $name:literal $text:literal;)+) => {
+        /// Bits of `sysStatus`.
+        pub mod sys_status {
+            $(
+                #[doc = concat!("Set if ", $text, ".")]
+                pub const $constant: u32 = 1 << $bit;
+            )+
+            /// Their names, the lowest bit first.
+            pub(super) const NAMES: &[&str] = &[$($name),+];
+            pub(super) const REPORTED: &[(&str, &str)] = &[$(
+                (concat!("reported.", $name), concat!($text, ", by the last reply")),
+            )+];
+        }
+    };
+}
+each_status_bit!(status_bits);
+
 /// Outputs by their bits.
 const OUTPUTS: &[&str] = &["a", "b", "c", "d"];
 /// Who controls outputs.
@@ -130,10 +184,7 @@ commands! {
         /// Rails to switch on; the others go off. The manual names the field status.
         #[serde(deserialize_with = "rails")]
         #[schemars(with = "Vec<Rail>")]
-        on: u32, bits RAILS, flags &[
-            "client.asked_v12a", "client.asked_v12b", "client.asked_v12c", "client.asked_v12d",
-            "client.asked_v48", "client.asked_v5",
-        ];
+        on: u32, bits RAILS, flags ASKED;
     };
 
     /// Sets the four PWM outputs, 四路 PWM 输出控制 (4.3.2).
@@ -170,29 +221,21 @@ commands! {
         /// Voltage of the main supply.
         voltage_48v: u32, unit "V", per 1000, named &["reported.supply_v"];
         /// Current of the 12 V outputs A–D.
-        current_12v: [i32; 4], unit "A", per 1000, named &[
-            "reported.v12a_a", "reported.v12b_a", "reported.v12c_a", "reported.v12d_a",
-        ];
+        current_12v: [i32; 4], unit "A", per 1000, named CURRENTS.split_at(4).0;
         /// Current of the 48 V output.
-        current_48v: i32, unit "A", per 1000, named &["reported.v48_a"];
+        current_48v: i32, unit "A", per 1000, named &[CURRENTS[4]];
         /// Temperature of the 12 V supplies AB and CD.
         temp_12v: [i32; 2], unit "degC", per 10,
             named &["reported.temperature_ab_c", "reported.temperature_cd_c"];
         /// Status bits of the protections and the power module.
-        sys_status: u32, bits sys_status::NAMES, named &["reported.sys_status"], flags &[
-            "reported.overcurrent_ab", "reported.overcurrent_cd", "reported.overcurrent_48v",
-            "reported.overcurrent_5v", "reported.over_temperature_ab",
-            "reported.over_temperature_cd", "reported.power_module_fault",
-        ];
+        sys_status: u32, bits sys_status::NAMES, named &["reported.sys_status"],
+            flags sys_status::REPORTED;
         /// Who controls the rails.
         power_ctrl_mode: u8, values MODES;
         /// Who controls the PWM outputs.
         pwm_ctrl_mode: u8, values MODES;
         /// Rails that are on.
-        power_status: u8, bits RAILS, flags &[
-            "reported.v12a_on", "reported.v12b_on", "reported.v12c_on", "reported.v12d_on",
-            "reported.v48_on", "reported.v5_on",
-        ];
+        power_status: u8, bits RAILS, flags REPORTED_ON;
         /// PWM outputs whose duty is above 0.
         pwm_status: u8, bits OUTPUTS;
     };
@@ -226,34 +269,6 @@ commands! {
         /// Remaining charge.
         soc: u16, unit "%", per 10, named &["reported.soc_percent"];
     };
-}
-
-/// Bits of `sysStatus` (manual section 4.3.5).
-pub mod sys_status {
-    /// Overcurrent of the 12 V outputs A and B.
-    pub const OVERCURRENT_AB: u32 = 1;
-    /// Overcurrent of the 12 V outputs C and D.
-    pub const OVERCURRENT_CD: u32 = 1 << 1;
-    /// Overcurrent of the 48 V output.
-    pub const OVERCURRENT_48V: u32 = 1 << 2;
-    /// Overcurrent of the 5 V outputs.
-    pub const OVERCURRENT_5V: u32 = 1 << 3;
-    /// Over-temperature of the 12 V supply AB.
-    pub const OVER_TEMPERATURE_AB: u32 = 1 << 4;
-    /// Over-temperature of the 12 V supply CD.
-    pub const OVER_TEMPERATURE_CD: u32 = 1 << 5;
-    /// Power module fault.
-    pub const POWER_MODULE_FAULT: u32 = 1 << 6;
-    /// Their names, the lowest bit first.
-    pub(super) const NAMES: &[&str] = &[
-        "overcurrent_ab",
-        "overcurrent_cd",
-        "overcurrent_48v",
-        "overcurrent_5v",
-        "over_temperature_ab",
-        "over_temperature_cd",
-        "power_module_fault",
-    ];
 }
 
 /// Reads names of rails as bits.
