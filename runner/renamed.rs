@@ -27,9 +27,9 @@ pub enum Kind {
 pub struct Renamed {
     /// Where it stands.
     pub kind: Kind,
-    /// The former name.
+    /// The former name; with `*` at its end, all that begin so.
     pub old: &'static str,
-    /// What stands in its place.
+    /// What stands in its place; empty for nothing.
     pub new: &'static str,
 }
 
@@ -58,11 +58,14 @@ pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Name, "truth.charge_drawn_ah", "truth.soc_percent"),
     renamed(Kind::Name, "truth.driver_right_c", "truth.motor_right_derated"),
     renamed(Kind::Name, "truth.driver_left_c", "truth.motor_left_derated"),
+    renamed(Kind::Name, "truth.temperature_ab_c", "reported.temperature_ab_c"),
+    renamed(Kind::Name, "truth.temperature_cd_c", "reported.temperature_cd_c"),
+    renamed(Kind::Name, "truth.fuse_motor_right_blown", "count.fuse_blown"),
+    renamed(Kind::Name, "truth.fuse_motor_left_blown", "count.fuse_blown"),
+    renamed(Kind::Name, "truth.fuse_tail_blown", "count.fuse_blown"),
     renamed(Kind::Name, "truth.fuse_small_modules_blown", "count.fuse_blown"),
-    renamed(Kind::Name, "wheel.lf_rad_s", "truth.speed_mps"),
-    renamed(Kind::Name, "wheel.rf_rad_s", "truth.speed_mps"),
-    renamed(Kind::Name, "wheel.lr_rad_s", "truth.speed_mps"),
-    renamed(Kind::Name, "wheel.rr_rad_s", "truth.speed_mps"),
+    renamed(Kind::Name, "sensor.magnetic_bar", "sensor.strip"),
+    renamed(Kind::Name, "wheel.*", ""),
     renamed(Kind::Name, "mode.board_powered", "count.power_lost"),
     renamed(Kind::Name, "mode.client_has_pwm", "host = { send = \"system_info\", expect = { reply = { pwm_ctrl_mode = … } } }"),
     renamed(Kind::Name, "client.last_request_age_s", "count.requests"),
@@ -112,14 +115,24 @@ const CONFUSED: &[(&str, &str)] = &[
 
 impl fmt::Display for Renamed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "`{}` is now `{}`", self.old, self.new)
+        match self.new {
+            "" => write!(f, "`{}` was removed", self.old),
+            new => write!(f, "`{}` is now `{new}`", self.old),
+        }
     }
 }
 
 /// Returns what became of a name that stands where `is_kind` says.
 pub fn find(is_kind: impl Fn(Kind) -> bool, name: &str) -> Option<&'static Renamed> {
     let mut all = RENAMED.iter();
-    all.find(|renamed| is_kind(renamed.kind) && is_like(renamed.old, name))
+    all.find(|renamed| {
+        let start = renamed.old.strip_suffix('*');
+        let is_it = start.map_or_else(
+            || is_like(renamed.old, name),
+            |start| name.starts_with(start),
+        );
+        is_it && is_kind(renamed.kind)
+    })
 }
 
 /// An error of a setting, which says the new name in the place of a former one.

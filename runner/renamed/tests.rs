@@ -34,7 +34,10 @@ fn a_former_name_is_an_error_that_says_the_new_one() {
                 "",
                 &format!("[[step]]\nat = \"0 s\"\n{key} = {{ {old} = 1 }}\n"),
             ),
-            Kind::Name => error("", &format!("[[always]]\nthat = \"{old} < 1\"\n")),
+            Kind::Name => {
+                let old = old.replace('*', "lf_torque_nm");
+                error("", &format!("[[always]]\nthat = \"{old} < 1\"\n"))
+            }
             Kind::Setting => error(&format!("settings = {{ {old} = \"1\" }}\n"), ""),
             Kind::Flag(_) | Kind::Ctl => continue,
         };

@@ -98,6 +98,7 @@ pub static COMMON: &[NameInfo] = &[
     NameInfo::number("truth.mass_kg", "kg", "mass with payload", |v| v.motion().mass),
     NameInfo::flag("truth.at_rest", "nothing moves and nothing drives", |v| v.device.plant().at_rest()),
     NameInfo::flag("truth.touching", "it touches an obstacle or another vehicle", |v| v.world.is_touching(v.device.plant().body())),
+    NameInfo::flag("truth.tipping", "a wheel would lift: the vehicle would tip over", |v| v.device.plant().is_tipping()),
     NameInfo::flag("client.attached", "a client has one of the ports open", |v| v.counters.report.attached > 0),
     NameInfo::count("count.requests", "request", "valid requests, packets and lines"),
     NameInfo::count("count.replies", "reply", "replies, packets and lines of the device"),

@@ -1,7 +1,5 @@
 //! Names of conditions about a mecanum car.
 
-use rigsim_physics::Plant as _;
-
 use super::Mecanum;
 use crate::device::names::as_number;
 use crate::device::{NameInfo, View};
@@ -13,10 +11,8 @@ fn on<T: Default>(view: &View<'_>, get: impl FnOnce(&Mecanum) -> T) -> T {
 
 #[rustfmt::skip] // One line a name: a table to read.
 pub(super) static NAMES: &[NameInfo] = &[
-    NameInfo::flag("truth.tipping", "a wheel would lift: the car would tip over", |v| on(v, |c| c.plant.is_tipping())),
     NameInfo::flag("sensor.obstacle_ahead", "the infrared sensor sees something", |v| on(v, |c| c.plant.measurements().obstacle_ahead)),
     NameInfo::number("sensor.tag", "", "number of the RFID tag under the reader, 0 for none", |v| f64::from(on(v, |c| c.plant.measurements().tag))),
-    NameInfo::number("sensor.magnetic_bar", "", "the magnetic bar's 16 channels", |v| f64::from(on(v, |c| c.plant.measurements().magnetic_bar))),
     NameInfo::flag("sensor.strip", "a magnetic strip lies under the bar", |v| on(v, |c| c.plant.measurements().magnetic_bar) != 0),
     NameInfo::flag("mode.remote", "the remote control drives", |v| on(v, |c| c.device.is_remote())),
     NameInfo::flag("motion.running", "a motion runs", |v| on(v, |c| c.device.running().is_some())),

@@ -1,7 +1,6 @@
 //! Names of conditions about an R150.
 
-use rigsim_physics::Plant as _;
-use rigsim_physics::r150::{FuseId, Pair, Rail};
+use rigsim_physics::r150::Rail;
 
 use super::R150;
 use crate::device::names::as_number;
@@ -22,16 +21,10 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::number("truth.battery_v", "V", "voltage at the battery's terminals", |v| on(v, |r| r.truth().battery_voltage)),
     NameInfo::number("truth.battery_a", "A", "current out of the battery, negative while charging", |v| on(v, |r| r.truth().battery_current)),
     NameInfo::number("truth.soc_percent", "%", "true state of charge", |v| on(v, |r| r.truth().soc * 100.0)),
-    NameInfo::number("truth.temperature_ab_c", "degC", "temperature of the 12 V converters A and B", |v| on(v, |r| r.plant.measurements().temperature[Pair::Ab.index()])),
-    NameInfo::number("truth.temperature_cd_c", "degC", "temperature of the 12 V converters C and D", |v| on(v, |r| r.plant.measurements().temperature[Pair::Cd.index()])),
-    NameInfo::flag("truth.fuse_motor_right_blown", "the fuse of the right motor has blown", |v| on(v, |r| r.plant.health().fuse_blown[FuseId::MotorRight.index()])),
-    NameInfo::flag("truth.fuse_motor_left_blown", "the fuse of the left motor has blown", |v| on(v, |r| r.plant.health().fuse_blown[FuseId::MotorLeft.index()])),
-    NameInfo::flag("truth.fuse_tail_blown", "the fuse of the tail supply, which feeds the module, has blown", |v| on(v, |r| r.plant.health().fuse_blown[FuseId::Tail.index()])),
     NameInfo::flag("truth.motor_right_derated", "heat limits the right motor's current", |v| on(v, |r| r.plant.health().derated.right)),
     NameInfo::flag("truth.motor_left_derated", "heat limits the left motor's current", |v| on(v, |r| r.plant.health().derated.left)),
     NameInfo::number("truth.motor_right_c", "degC", "temperature of the right motor", |v| on(v, |r| r.truth().motor_celsius.right)),
     NameInfo::number("truth.motor_left_c", "degC", "temperature of the left motor", |v| on(v, |r| r.truth().motor_celsius.left)),
-    NameInfo::flag("truth.tipping", "a wheel would lift: the vehicle would tip over", |v| on(v, |r| r.plant.is_tipping())),
     NameInfo::flag("truth.module_powered", "the IO module has a supply", |v| on(v, |r| r.plant.measurements().module_powered)),
     NameInfo::flag("mode.locked", "the remote control has locked the vehicle", |v| on(v, |r| r.device.vehicle().locked)),
     NameInfo::flag("mode.parked", "the parking brake is on", |v| on(v, |r| r.device.vehicle().parked)),
