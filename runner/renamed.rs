@@ -71,7 +71,10 @@ pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Name, "client.last_request_age_s", "count.requests"),
     renamed(Kind::Name, "client.travel_since_motion_m", "truth.distance_m"),
     renamed(Kind::Name, "client.motions", "count.command_motion and count.command_line_X, …"),
+    renamed(Kind::Setting, "r150.app_power", "operator = { app_sets = { on = … } }"),
+    renamed(Kind::Setting, "r150.app_pwm", "operator = { app_sets = { pwm = … } }"),
     renamed(Kind::Setting, "r150.battery.pack_resistance", "r150.battery.resistance"),
+    renamed(Kind::Setting, "r150.battery.wiring_resistance", "r150.battery.resistance"),
     renamed(Kind::Setting, "r150.body.payload", "fault = { kind = \"payload\", mass = … }"),
     renamed(Kind::Setting, "mecanum.body.payload", "fault = { kind = \"payload\", mass = … }"),
     renamed(Kind::Setting, "mecanum.wheel.axial_stiffness", "mecanum.wheel.roller_stiffness"),
@@ -83,6 +86,10 @@ pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Ctl, "go-on", "resume"),
     renamed(Kind::Ctl, "step-by", "advance"),
 ];
+
+/// Settings whose value is fixed now, a group a line: no client can tell it, or no vehicle has another. `*` is
+/// a whole group.
+const FIXED: &str = include_str!("renamed/fixed.txt");
 
 /// Keys of scenario files that were removed, with one that stands beside each, and what to do instead.
 const REMOVED: &[(&str, &str, &str)] = &[
@@ -135,17 +142,26 @@ pub fn find(is_kind: impl Fn(Kind) -> bool, name: &str) -> Option<&'static Renam
     })
 }
 
-/// An error of a setting, which says the new name in the place of a former one.
+/// An error of a setting, which says what became of a former one.
 #[must_use]
 pub fn in_words(error: &SettingsError) -> String {
-    match error {
-        SettingsError::UnknownKey { origin, key, .. } => find(|kind| kind == Kind::Setting, key)
-            .map_or_else(
-                || error.to_string(),
-                |renamed| format!("{origin}: {renamed}"),
-            ),
-        _ => error.to_string(),
+    let SettingsError::UnknownKey { origin, key, .. } = error else {
+        return error.to_string();
+    };
+    match find(|kind| kind == Kind::Setting, key) {
+        Some(renamed) => format!("{origin}: {renamed}"),
+        None if is_fixed(key) => format!("{origin}: `{key}` was removed: its value is fixed now"),
+        None => error.to_string(),
     }
+}
+
+fn is_fixed(key: &str) -> bool {
+    let (group, name) = key.rsplit_once('.').unwrap_or_default();
+    let rows = FIXED.lines().filter_map(|row| row.split_once(": "));
+    let mut names = rows
+        .filter(|row| row.0 == group)
+        .flat_map(|row| row.1.split(' '));
+    names.any(|fixed| [name, "*"].contains(&fixed))
 }
 
 /// Returns whether two names differ by `-` and `_` at most.

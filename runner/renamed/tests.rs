@@ -46,6 +46,19 @@ fn a_former_name_is_an_error_that_says_the_new_one() {
 }
 
 #[test]
+fn a_removed_setting_is_an_error_that_suggests_no_other() {
+    for row in FIXED.lines() {
+        let (group, names) = row.split_once(": ").unwrap();
+        for name in names.split(' ') {
+            let key = format!("{group}.{}", name.replace('*', "any"));
+            let error = error(&format!("settings = {{ {key} = \"1\" }}\n"), "");
+            let wanted = format!("`{key}` was removed: its value is fixed now");
+            assert!(error.ends_with(&wanted), "{error}");
+        }
+    }
+}
+
+#[test]
 fn a_removed_key_is_an_error_that_says_what_to_do() {
     for (key, beside, instead) in REMOVED {
         let error = match *beside {
