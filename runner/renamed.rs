@@ -92,13 +92,10 @@ pub const RENAMED: &[Renamed] = &[
 const FIXED: &str = include_str!("renamed/fixed.txt");
 
 /// Keys of scenario files that were removed, with one that stands beside each, and what to do instead.
+#[rustfmt::skip]
 const REMOVED: &[(&str, &str, &str)] = &[
     ("wall_limit", "limit", "`--timeout` limits a run"),
-    (
-        "overlap",
-        "every",
-        "a repetition waits until the last one is over",
-    ),
+    ("overlap", "every", "a repetition waits until the last one is over"),
     ("clear", "every", "`until` or `for` ends a step"),
 ];
 
