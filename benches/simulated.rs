@@ -67,12 +67,12 @@ impl Driving {
             read: Vec::new(),
         };
         // Up to speed, and to where nothing is allocated any more.
-        driving.go_on(2.0);
+        driving.advance(2.0);
         driving
     }
 
     /// Drives on for so many simulated seconds.
-    fn go_on(&mut self, seconds: f64) {
+    fn advance(&mut self, seconds: f64) {
         let commands = (seconds / COMMAND_INTERVAL.as_secs_f64()).round();
         let mut done = 0.0;
         while done < commands {
@@ -126,11 +126,11 @@ impl Bare {
             y += 3.0;
         }
         let mut bare = Self(world);
-        bare.go_on(2.0);
+        bare.advance(2.0);
         bare
     }
 
-    fn go_on(&mut self, seconds: f64) {
+    fn advance(&mut self, seconds: f64) {
         let steps = seconds / 0.005;
         let mut done = 0.0;
         while done < steps {
@@ -146,9 +146,10 @@ fn driving(vehicles: usize, options: &Options, table: &Table) {
     let span = if options.quick { 0.1 } else { span };
     let [own, bare] = alternate(
         options.count(100, 1),
-        [&mut || cpu_seconds(|| own.go_on(span)) / span, &mut || {
-            cpu_seconds(|| bare.go_on(span)) / span
-        }],
+        [
+            &mut || cpu_seconds(|| own.advance(span)) / span,
+            &mut || cpu_seconds(|| bare.advance(span)) / span,
+        ],
     );
     let what = format!("{vehicles} × R150 driving at 20 Hz commands, per simulated second");
     let aim = if vehicles == 1 {
@@ -173,12 +174,12 @@ fn growth(options: &Options, table: &Table) {
     let [one, ten, hundred, bare_one, bare_ten, bare_hundred] = alternate(
         options.count(100, 1),
         [
-            &mut || cpu_seconds(|| one.go_on(span)),
-            &mut || cpu_seconds(|| ten.go_on(span)),
-            &mut || cpu_seconds(|| hundred.go_on(span)),
-            &mut || cpu_seconds(|| bare_one.go_on(span)),
-            &mut || cpu_seconds(|| bare_ten.go_on(span)),
-            &mut || cpu_seconds(|| bare_hundred.go_on(span)),
+            &mut || cpu_seconds(|| one.advance(span)),
+            &mut || cpu_seconds(|| ten.advance(span)),
+            &mut || cpu_seconds(|| hundred.advance(span)),
+            &mut || cpu_seconds(|| bare_one.advance(span)),
+            &mut || cpu_seconds(|| bare_ten.advance(span)),
+            &mut || cpu_seconds(|| bare_hundred.advance(span)),
         ],
     );
     let times = |times: f64| format!("{times:.1} ×");

@@ -266,7 +266,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         loop {
             span = next_part(span.to, part, step, sudden);
             let drives = drives(span, &self.wheel_speed);
-            let velocity = self.go_on(&mut course, &drives, &outside, span.seconds());
+            let velocity = self.advance(&mut course, &drives, &outside, span.seconds());
             self.led_to = self.of_body(velocity);
             if span.to >= step {
                 break;
@@ -288,7 +288,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
     }
 
     /// Advances by a part of `dt` seconds; returns the velocity at its end, in its axes.
-    fn go_on(
+    fn advance(
         &mut self,
         course: &mut Course,
         drives: &[WheelDrive; WHEELS],
@@ -337,7 +337,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             self.motor_impulse[wheel] += drive.impulse - drive.opposed * after;
         }
         self.account(drives, [before, chassis.velocity], (force, dt), rolling);
-        course.go_on(part, chassis.velocity);
+        course.advance(part, chassis.velocity);
         chassis.velocity
     }
 

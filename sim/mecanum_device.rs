@@ -300,7 +300,7 @@ impl Firmware for MecanumDevice {
             self.discard(now, event::LINK_TIMEOUT, &why);
         }
         if self.drive.due().is_some_and(|due| due <= now) {
-            self.go_on(now);
+            self.start_due(now);
         }
         self.send_due(now);
     }

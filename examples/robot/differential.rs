@@ -140,7 +140,7 @@ impl Plant for Differential {
             *travel += dt * (self.speed[wheel] + self.wanted[wheel]) / 2.0;
         }
         self.speed = self.wanted;
-        course.go_on(part, Twist { ahead, left, turn });
+        course.advance(part, Twist { ahead, left, turn });
         world.lead(self.body.id(), &course);
     }
 

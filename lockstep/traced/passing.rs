@@ -58,8 +58,8 @@ impl Tracer<'_> {
                 self.fire_timers()?;
             }
             step => {
-                let goes_on = step == Step::Over && (until.is_some() || self.may_go_on());
-                let reason = match goes_on {
+                let continues = step == Step::Over && (until.is_some() || self.may_continue());
+                let reason = match continues {
                     true => Reason::Over,
                     false => Reason::Deadlock(self.waits_text()),
                 };
@@ -70,7 +70,7 @@ impl Tracer<'_> {
     }
 
     /// Returns whether a thread waits for what the world, or a signal, might still bring.
-    fn may_go_on(&self) -> bool {
+    fn may_continue(&self) -> bool {
         let mut threads = self.tree.threads.values();
         threads.any(|thread| match thread.block().map(|block| &block.wait) {
             Some(Wait::Poll { set, .. }) => {

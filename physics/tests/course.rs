@@ -27,7 +27,7 @@ fn add(world: &mut World, name: &str, x: f64, y: f64) -> R150Plant {
     R150Plant::new(name, &R150PlantSettings::default(), world, pose)
 }
 
-fn go_on(world: &mut World, plants: &mut [R150Plant], seconds: f64) {
+fn advance(world: &mut World, plants: &mut [R150Plant], seconds: f64) {
     let step = world.step_length().as_secs_f64();
     let mut passed = 0.0;
     while passed < seconds - step / 2.0 {
@@ -48,7 +48,7 @@ fn what_slides_downhill_goes_straight_down_however_it_turns() {
         let mut world = ice(step, 10.0);
         let plant = add(&mut world, "r150", 0.0, 0.0);
         world.set_velocity(plant.body(), [0.0; 2], 2.0);
-        go_on(&mut world, &mut [plant.clone()], 5.0);
+        advance(&mut world, &mut [plant.clone()], 5.0);
         let found = world.motion(plant.body());
         let fall = 9.81 * 10_f64.to_radians().sin() * 25.0 / 2.0;
         assert!((found.x + fall).abs() < 0.001, "{step}: {} m", found.x);
@@ -71,7 +71,7 @@ fn what_is_spun_up_keeps_its_way() {
             ..BodyFaults::default()
         };
         plant.set_body_faults(&mut world, &faults);
-        go_on(&mut world, &mut [plant.clone()], 4.0);
+        advance(&mut world, &mut [plant.clone()], 4.0);
         let found = world.motion(plant.body());
         assert!(found.yaw_rate > 3.0, "{}", found.yaw_rate);
         assert!((found.vx - 1.4).abs() < 1e-9, "{step}: {} m/s", found.vx);
@@ -89,7 +89,7 @@ fn a_collision_off_the_middle_keeps_momentum() {
         ];
         let [one, other] = plants.each_ref().map(Plant::body);
         world.set_velocity(one, [1.4, 0.0], 0.0);
-        go_on(&mut world, &mut plants, 4.0);
+        advance(&mut world, &mut plants, 4.0);
         let (one, other) = (world.motion(one), world.motion(other));
         assert!(one.yaw_rate.abs() > 0.1, "they met");
         assert!((one.vx + other.vx - 1.4).abs() < 1e-6, "{step}");
@@ -115,7 +115,7 @@ fn what_a_braking_vehicle_runs_into_does_not_throw_it_back() {
         let body = plants[0].body();
         for _ in 0..500 {
             let once = world.step_length().as_secs_f64();
-            go_on(&mut world, &mut plants, once);
+            advance(&mut world, &mut plants, once);
             if world.collisions(body) > 0 {
                 break;
             }

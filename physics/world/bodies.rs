@@ -49,8 +49,8 @@ impl Course {
         }
     }
 
-    /// Goes on by a part, evenly, to the velocity that it has in the axes of the part.
-    pub fn go_on(&mut self, part: Part, velocity: Twist) {
+    /// Advances by a part, evenly, to the velocity that it has in the axes of the part.
+    pub fn advance(&mut self, part: Part, velocity: Twist) {
         let half = part.seconds / 2.0;
         let turn = half * (self.velocity.turn + velocity.turn);
         self.turn += turn;

@@ -53,7 +53,7 @@ impl Locomotion {
     /// Says who drives; motions go on when it is the board.
     pub fn set_remote(&mut self, now: SimTime, remote: bool, changed: &mut impl FnMut(Change)) {
         self.remote = remote;
-        self.go_on(now, changed);
+        self.start_due(now, changed);
     }
 
     pub fn set_key(&mut self, now: SimTime, key: Option<Movement>) {
@@ -65,7 +65,7 @@ impl Locomotion {
     }
 
     /// Starts what may start.
-    pub fn go_on(&mut self, now: SimTime, changed: &mut impl FnMut(Change)) {
+    pub fn start_due(&mut self, now: SimTime, changed: &mut impl FnMut(Change)) {
         if !self.remote {
             self.motions.start(now, changed);
         }

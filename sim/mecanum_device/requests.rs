@@ -169,13 +169,13 @@ impl MecanumDevice {
             let text = format!("{lost} lost: too many motions wait");
             self.shell.emit(now, event::QUEUE_FULL, text);
         }
-        self.go_on(now);
+        self.start_due(now);
     }
 
     /// Starts what may start.
-    pub(super) fn go_on(&mut self, now: SimTime) {
+    pub(super) fn start_due(&mut self, now: SimTime) {
         let shell = &mut self.shell;
-        self.drive.go_on(now, &mut |change| {
+        self.drive.start_due(now, &mut |change| {
             shell.report(now, event::motion(change));
         });
     }
