@@ -111,8 +111,6 @@ pub struct RunningGear<const WHEELS: usize, C = Straight> {
     wheel_inertia: f64,
     wheel_radius: f64,
     rolling_resistance: f64,
-    /// Energy of the body that the last step's forces led to, J.
-    led_to: f64,
 }
 
 impl Span {
@@ -162,7 +160,6 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             wheel_inertia,
             wheel_radius: tyre.wheel_radius,
             rolling_resistance: tyre.rolling_resistance,
-            led_to: 0.0,
         }
     }
 
@@ -193,10 +190,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         let velocity = body.motion().body_velocity();
         let stands = body.stop_when_slow(world, seconds, could_stand);
         if stands {
-            let held = self.of_body(velocity);
-            if let Some(energy) = &mut self.energy {
-                energy.held += held;
-            }
+            self.balance(velocity, |energy, of_body| energy.held += of_body);
             for wheel in 0..WHEELS {
                 self.stop(wheel);
             }
@@ -267,8 +261,8 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             span = next_part(span.to, part, step, sudden);
             let drives = drives(span, &self.wheel_speed);
             let velocity = self.advance(&mut course, &drives, &outside, span.seconds());
-            self.led_to = self.of_body(velocity);
             if span.to >= step {
+                self.balance(velocity, |energy, of_body| energy.outside -= of_body);
                 break;
             }
             self.traction.update_deflections(velocity, self.wheel_speed);
@@ -343,17 +337,19 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
 
     /// Takes over the velocity that a step really ended with.
     pub(crate) fn take_velocity(&mut self, velocity: Twist) {
-        let given = self.of_body(velocity) - self.led_to;
-        if let Some(energy) = &mut self.energy {
-            energy.outside += given;
-        }
+        self.balance(velocity, |energy, of_body| energy.outside += of_body);
         self.traction.update_deflections(velocity, self.wheel_speed);
     }
 
-    /// Energy of the body at a velocity, J.
-    fn of_body(&self, velocity: Twist) -> f64 {
-        let moving = self.mass * (square(velocity.ahead) + square(velocity.left));
-        (moving + self.inertia * square(velocity.turn)) / 2.0
+    /// Counts the energy of the body at a velocity, J, if the balance is kept.
+    fn balance(&mut self, velocity: Twist, count: impl FnOnce(&mut Energy, f64)) {
+        if let Some(energy) = &mut self.energy {
+            let moving = self.mass * (square(velocity.ahead) + square(velocity.left));
+            count(
+                energy,
+                (moving + self.inertia * square(velocity.turn)) / 2.0,
+            );
+        }
     }
 
     /// Counts the work of a part of a step, if the balance is kept: the body and the wheels had these
