@@ -1,4 +1,4 @@
-"""A picture of a trace: the world from above, with the ways of the vehicles."""
+"""A picture of a trace: the world from above, with the paths of the vehicles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LARGEST = 800.0
 
 def draw(trace: Path, state: Optional[Dict[str, Any]], to: Path) -> None:
     """Draws the trace; ``state`` is what :meth:`Control.state` has said last, for what stands around."""
-    ways: Dict[int, List[Point]] = {}
+    paths: Dict[int, List[Point]] = {}
     try:
         lines = trace.read_text().splitlines()
     except OSError:
@@ -23,8 +23,8 @@ def draw(trace: Path, state: Optional[Dict[str, Any]], to: Path) -> None:
     for line in lines:
         if '"kind":"pose"' in line:
             pose = json.loads(line)
-            ways.setdefault(pose["device"], []).append((pose["x"], pose["y"]))
-    points = [point for way in ways.values() for point in way] or [(0.0, 0.0)]
+            paths.setdefault(pose["device"], []).append((pose["x"], pose["y"]))
+    points = [point for path in paths.values() for point in path] or [(0.0, 0.0)]
     low = [min(point[axis] for point in points) - 2.0 for axis in (0, 1)]
     high = [max(point[axis] for point in points) + 2.0 for axis in (0, 1)]
     scale = _LARGEST / max(high[0] - low[0], high[1] - low[1])
@@ -46,11 +46,11 @@ def draw(trace: Path, state: Optional[Dict[str, Any]], to: Path) -> None:
         ends = f"{at(tuple(strip['from']))} {at(tuple(strip['to']))}"
         parts.append(f'<polyline points="{ends}" stroke="#2c2c2c" stroke-width="2"/>')
     names = [device["name"] for device in (state or {}).get("devices", [])]
-    for device, way in sorted(ways.items()):
+    for device, path in sorted(paths.items()):
         colour = _COLOURS[device % len(_COLOURS)]
-        corners = " ".join(at(point) for point in way)
+        corners = " ".join(at(point) for point in path)
         parts.append(f'<polyline points="{corners}" fill="none" stroke="{colour}" stroke-width="3"/>')
-        x, y = at(way[-1]).split(",")
+        x, y = at(path[-1]).split(",")
         name = escape(names[device]) if device < len(names) else str(device)
         parts.append(f'<circle cx="{x}" cy="{y}" r="6" fill="{colour}"/><text x="{x}" y="{y}" dx="9">{name}</text>')
     metre = 10.0 ** math.floor(math.log10(max(high[0] - low[0], 1.0) / 2))

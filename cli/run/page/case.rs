@@ -17,7 +17,7 @@ use super::plots;
 use crate::recording;
 use crate::visible::lines as readable;
 
-/// Number of looks that make the way of a case that passed.
+/// Number of looks that make the path of a case that passed.
 const FEW: u32 = 96;
 /// Number of looks that make the plots of one that failed.
 const MANY: u32 = 480;

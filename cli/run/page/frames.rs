@@ -49,7 +49,7 @@ pub(super) struct Wanted<'a> {
     pub(super) looks: u32,
     /// The times around the failure, which are looked at as often again.
     pub(super) focus: Option<Window>,
-    /// Set if values are wanted, and not only ways.
+    /// Set if values are wanted, and not only paths.
     pub(super) values: bool,
     /// Time after which it is given up.
     pub(super) patience: Option<Instant>,
@@ -73,7 +73,7 @@ pub(super) struct Frames<'a> {
     words: Words,
     /// Times of the looks.
     pub(super) times: Vec<f64>,
-    pub(super) ways: Vec<Way>,
+    pub(super) paths: Vec<Path>,
     pub(super) series: Vec<Series>,
     pub(super) spans: Vec<Span>,
     /// Things that stood and lay there at the end.
@@ -88,8 +88,8 @@ pub(super) struct Frames<'a> {
     pub(super) is_cut: Cell<bool>,
 }
 
-/// The way of a vehicle.
-pub(super) struct Way {
+/// The path of a vehicle.
+pub(super) struct Path {
     pub(super) name: String,
     /// Length and width, m.
     pub(super) size: [f64; 2],
@@ -119,7 +119,7 @@ impl<'a> Frames<'a> {
     pub(super) fn new(run: &Run, wanted: Wanted<'a>) -> Self {
         let world = run.rig().world();
         let devices = &run.scenario().rig.devices;
-        let way = |(plan, (_, size)): (&DevicePlan, (_, [f64; 2]))| Way {
+        let path = |(plan, (_, size)): (&DevicePlan, (_, [f64; 2]))| Path {
             name: plan.name.clone(),
             size,
             poses: Vec::new(),
@@ -143,7 +143,7 @@ impl<'a> Frames<'a> {
             next: SimTime::ZERO,
             words: Words::new(&run.scenario().rig),
             times: Vec::new(),
-            ways: devices.iter().zip(world.bodies()).map(way).collect(),
+            paths: devices.iter().zip(world.bodies()).map(path).collect(),
             series: probes.into_iter().filter_map(series).collect(),
             spans: Vec::new(),
             features: Vec::new(),
@@ -306,9 +306,9 @@ impl Observer for Frames<'_> {
         self.next = self.after(self.next);
         self.track_features(run);
         self.times.push(run.rig().now().as_secs_f64());
-        for (device, way) in self.ways.iter_mut().enumerate() {
+        for (device, path) in self.paths.iter_mut().enumerate() {
             let motion = run.rig().motion(device);
-            way.poses.extend(motion.map(|motion| motion.pose));
+            path.poses.extend(motion.map(|motion| motion.pose));
         }
         self.begin_series(run);
         for series in &mut self.series {

@@ -6,7 +6,7 @@ use maud::{Markup, PreEscaped, html};
 use rigsim_physics::Pose;
 use rigsim_physics::world::{Feature, FeatureKind, Shape};
 
-use super::frames::{Frames, Way};
+use super::frames::{Frames, Path};
 use crate::visible;
 
 /// Greatest width of the picture, and its height, in its own units.
@@ -16,7 +16,7 @@ const HEIGHT: f64 = 480.0;
 const LEAST: f64 = 2.0;
 /// Room around what is shown, as a part of it.
 const MARGIN: f64 = 0.2;
-/// Number of colours of a way.
+/// Number of colours of a path.
 const COLOURS: usize = 16;
 
 /// The part of the plane that is shown, and how large.
@@ -27,13 +27,13 @@ struct View {
 }
 
 impl View {
-    /// Shows all vehicles on their ways, and of the world what is around.
+    /// Shows all vehicles on their paths, and of the world what is around.
     fn of(frames: &Frames) -> Self {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
-        for way in &frames.ways {
-            let reach = way.size[0].max(way.size[1]) / 2.0;
-            for Pose { x, y, .. } in &way.poses {
+        for path in &frames.paths {
+            let reach = path.size[0].max(path.size[1]) / 2.0;
+            for Pose { x, y, .. } in &path.poses {
                 for (axis, at) in [*x, *y].into_iter().enumerate() {
                     low[axis] = low[axis].min(at - reach);
                     high[axis] = high[axis].max(at + reach);
@@ -76,7 +76,7 @@ impl View {
     }
 }
 
-/// The map, with the ways of the vehicles and marks where something happened.
+/// The map, with the paths of the vehicles and marks where something happened.
 pub(super) fn map(frames: &Frames, label: &str) -> Markup {
     let view = View::of(frames);
     let [width, height] = view.size();
@@ -90,8 +90,8 @@ pub(super) fn map(frames: &Frames, label: &str) -> Markup {
             @for feature in frames.features.iter().filter(|one| is_near(&view, one)) {
                 (shape(&view, feature, class(feature.kind)))
             }
-            @for way in &frames.ways { (way_of(&view, way)) }
-            @for way in &frames.ways { (ends(&view, frames, way)) }
+            @for path in &frames.paths { (path_of(&view, path)) }
+            @for path in &frames.paths { (ends(&view, frames, path)) }
             (faults(&view, frames))
             (failure(&view, frames))
             (scale_bar(&view))
@@ -189,13 +189,13 @@ fn colour(part: usize) -> String {
     format!("hsl({} 75% 50%)", 225 - part * 225 / (COLOURS - 1))
 }
 
-fn way_of(view: &View, way: &Way) -> Markup {
-    let count = way.poses.len();
+fn path_of(view: &View, path: &Path) -> Markup {
+    let count = path.poses.len();
     let part = |part: usize| {
         let from = count * part / COLOURS;
         // Up to the first point of the next part, so that there is no gap.
         let to = (count * (part + 1) / COLOURS + 1).min(count);
-        let mut points: Vec<[f64; 2]> = way.poses[from..to]
+        let mut points: Vec<[f64; 2]> = path.poses[from..to]
             .iter()
             .map(|pose| [pose.x, pose.y])
             .collect();
@@ -209,20 +209,20 @@ fn way_of(view: &View, way: &Way) -> Markup {
     html! {
         @for (index, points) in (0..COLOURS).map(part).enumerate() {
             @if points.len() > 1 {
-                polyline.way stroke=(colour(index)) points=(view.points(points)) {}
+                polyline.path stroke=(colour(index)) points=(view.points(points)) {}
             }
         }
     }
 }
 
 /// A vehicle as it begins, and as it is when the run fails or ends.
-fn ends(view: &View, frames: &Frames, way: &Way) -> Markup {
+fn ends(view: &View, frames: &Frames, path: &Path) -> Markup {
     let last = frames
         .failed_at()
-        .map_or(way.poses.len().saturating_sub(1), |at| frames.look_at(at));
+        .map_or(path.poses.len().saturating_sub(1), |at| frames.look_at(at));
     let body = |Pose { x, y, heading }: Pose, class: &str| {
         let (sin, cos) = heading.sin_cos();
-        let [length, width] = way.size.map(|size| size / 2.0);
+        let [length, width] = path.size.map(|size| size / 2.0);
         let corner =
             |[ahead, left]: [f64; 2]| [x + cos * ahead - sin * left, y + sin * ahead + cos * left];
         // A nose shows where it looks.
@@ -235,15 +235,15 @@ fn ends(view: &View, frames: &Frames, way: &Way) -> Markup {
         ];
         html! { polygon class=(class) points=(view.points(corners.map(corner))) {} }
     };
-    let first = way.poses.first().map(|pose| body(*pose, "begins"));
-    let end = way.poses.get(last);
+    let first = path.poses.first().map(|pose| body(*pose, "begins"));
+    let end = path.poses.get(last);
     html! {
         (first.unwrap_or_else(|| PreEscaped(String::new())))
         @if let Some(pose) = end {
             (body(*pose, "ends"))
-            @if frames.ways.len() > 1 {
+            @if frames.paths.len() > 1 {
                 @let [x, y] = view.at([pose.x, pose.y]).map(|at| format!("{at:.1}"));
-                text x=(x) y=(y) dy="-8" text-anchor="middle" { (way.name) }
+                text x=(x) y=(y) dy="-8" text-anchor="middle" { (path.name) }
             }
         }
     }
@@ -252,7 +252,7 @@ fn ends(view: &View, frames: &Frames, way: &Way) -> Markup {
 fn faults(view: &View, frames: &Frames) -> Markup {
     html! {
         @for span in &frames.spans {
-            @if let Some(Pose { x, y, .. }) = frames.ways.get(span.device).and_then(|way| way.poses.get(frames.look_at(span.from))) {
+            @if let Some(Pose { x, y, .. }) = frames.paths.get(span.device).and_then(|path| path.poses.get(frames.look_at(span.from))) {
                 @let [x, y] = view.at([*x, *y]).map(|at| format!("{at:.1}"));
                 circle.fault cx=(x) cy=(y) r="5" {
                     title { (visible::line(&span.name)) " (" (span.fault) ") at " (format!("{:.2} s", span.from)) }
@@ -268,8 +268,8 @@ fn failure(view: &View, frames: &Frames) -> Markup {
     };
     let look = frames.look_at(at);
     html! {
-        @for way in &frames.ways {
-            @if let Some(Pose { x, y, .. }) = way.poses.get(look) {
+        @for path in &frames.paths {
+            @if let Some(Pose { x, y, .. }) = path.poses.get(look) {
                 @let [x, y] = view.at([*x, *y]);
                 path.failure d=(format!("M{:.1} {:.1}l16 16m0 -16l-16 16", x - 8.0, y - 8.0)) {}
             }

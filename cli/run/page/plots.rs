@@ -171,7 +171,7 @@ fn plain(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// Without the device where there is one.
 fn short<'a>(frames: &Frames, name: &'a str) -> &'a str {
     match name.split_once('.') {
-        Some((device, name)) if frames.ways.len() == 1 && device != "client" => name,
+        Some((device, name)) if frames.paths.len() == 1 && device != "client" => name,
         _ => name,
     }
 }
