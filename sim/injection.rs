@@ -1,6 +1,6 @@
 //! Effects at work on one device.
 
-mod stage;
+mod delay_line;
 mod traffic;
 
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use rigsim_settings::SimTime;
 
 use crate::defects::Defects;
 use crate::device::{Device, EffectHandle, EffectInfo, Sum, Tally, Way, Work};
-use stage::Stage;
+use delay_line::DelayLine;
 
 /// An effect at work.
 struct Armed {
@@ -28,7 +28,7 @@ struct Armed {
 pub(crate) struct Injection {
     armed: Vec<Armed>,
     /// By link and way.
-    stages: Vec<[Stage; 2]>,
+    delayed: Vec<[DelayLine; 2]>,
     /// By time and order, with the link.
     late: BTreeMap<(SimTime, u64), (usize, Vec<u8>)>,
     /// Number of frames that have been put off so far.
@@ -42,7 +42,7 @@ impl Injection {
     pub(crate) fn new(links: usize, now: SimTime) -> Self {
         Self {
             armed: Vec::new(),
-            stages: (0..links).map(|_| Default::default()).collect(),
+            delayed: (0..links).map(|_| Default::default()).collect(),
             late: BTreeMap::new(),
             order: 0,
             ticked: now,
@@ -63,7 +63,7 @@ impl Injection {
     pub(crate) fn is_spent(&self) -> bool {
         self.armed.is_empty()
             && self.late.is_empty()
-            && self.stages.iter().flatten().all(Stage::is_empty)
+            && self.delayed.iter().flatten().all(DelayLine::is_empty)
     }
 
     /// Puts an effect to work on a link; `attached` says whether a client has its port open.

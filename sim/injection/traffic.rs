@@ -22,7 +22,7 @@ impl Injection {
             line.next_off_wire().is_none() && line.is_attached(),
         ];
         for way in Way::ALL {
-            let Some(stage) = self.stages.get_mut(link) else {
+            let Some(both_ways) = self.delayed.get_mut(link) else {
                 return;
             };
             for armed in &mut self.armed {
@@ -30,7 +30,7 @@ impl Injection {
                     && armed.link == link
                     && let Some(byte) = on_bytes.add(now, way, idle[way.index()], &mut armed.tally)
                 {
-                    stage[way.index()].push(now, byte);
+                    both_ways[way.index()].push(now, byte);
                 }
             }
         }
@@ -43,10 +43,10 @@ impl Injection {
         }
     }
 
-    /// Returns whether all that a line carries can wait for the client of a link, who does not read.
+    /// Returns whether all that a line carries can wait for the client of a link, which does not read.
     pub(crate) fn has_room(&self, link: usize) -> bool {
-        let stages = self.stages.get(link);
-        stages.is_none_or(|both_ways| both_ways[Way::ToClient.index()].room() >= MOST_IN_FLIGHT)
+        let delayed = self.delayed.get(link);
+        delayed.is_none_or(|both_ways| both_ways[Way::ToClient.index()].room() >= MOST_IN_FLIGHT)
     }
 
     fn pass(&mut self, now: SimTime, link: usize, way: Way, byte: u8) {
@@ -54,23 +54,23 @@ impl Injection {
         for (wire, tally) in self.wires_mut(link) {
             wire.pass(way, &mut bytes, tally);
         }
-        if let Some(stage) = self.stages.get_mut(link) {
+        if let Some(both_ways) = self.delayed.get_mut(link) {
             for (at, byte) in bytes {
-                stage[way.index()].push(at, byte);
+                both_ways[way.index()].push(at, byte);
             }
         }
     }
 
     pub(crate) fn take_for_device(&mut self, now: SimTime, link: usize) -> Option<u8> {
-        let taken = self.stages.get_mut(link)?[Way::ToDevice.index()].take(now);
+        let taken = self.delayed.get_mut(link)?[Way::ToDevice.index()].take(now);
         taken.map(|(_, byte)| byte)
     }
 
     /// Passes what has come through by `now` on to the client's adapter.
     pub(crate) fn pass_to_adapter(&mut self, now: SimTime, link: usize, line: &mut SerialLine) {
         self.pump_to_client(now, link, line);
-        if let Some(stage) = self.stages.get_mut(link) {
-            while let Some((at, byte)) = stage[Way::ToClient.index()].take(now) {
+        if let Some(both_ways) = self.delayed.get_mut(link) {
+            while let Some((at, byte)) = both_ways[Way::ToClient.index()].take(now) {
                 line.adapter_hears(at, byte);
             }
         }
@@ -149,8 +149,8 @@ impl Injection {
 
     /// A cable has been pulled: what was on its way is lost.
     pub(crate) fn pull_cable(&mut self, now: SimTime, link: usize, attached: bool) {
-        if let Some(stage) = self.stages.get_mut(link) {
-            stage.iter_mut().for_each(|way| way.cut(now));
+        if let Some(both_ways) = self.delayed.get_mut(link) {
+            both_ways.iter_mut().for_each(|way| way.cut(now));
         }
         for (wire, tally) in self.wires_mut(link) {
             if attached && wire.pulls_cable() {
@@ -172,9 +172,9 @@ impl Injection {
     /// Time of the next thing that happens here, besides bytes that arrive at the device.
     pub(crate) fn next(&self) -> Option<SimTime> {
         let to_device = self
-            .stages
+            .delayed
             .iter()
-            .filter_map(|stage| stage[Way::ToDevice.index()].next());
+            .filter_map(|both_ways| both_ways[Way::ToDevice.index()].next());
         let from_faults = self.armed.iter().filter_map(|armed| match &armed.work {
             Work::Bytes(bytes) => bytes.due(),
             Work::Frames(frames) => frames.due(),
@@ -186,15 +186,15 @@ impl Injection {
 
     /// Time at which the next byte arrives at the client of a link.
     pub(crate) fn next_for_client(&self, link: usize) -> Option<SimTime> {
-        self.stages.get(link)?[Way::ToClient.index()].next()
+        self.delayed.get(link)?[Way::ToClient.index()].next()
     }
 
     /// Releases what no stall blocks any more.
     pub(super) fn release(&mut self, now: SimTime, link: usize) {
         for way in Way::ALL {
             let stalled = self.wires(link).any(|wire| wire.stalls(way));
-            if let (false, Some(stage)) = (stalled, self.stages.get_mut(link)) {
-                stage[way.index()].release(now);
+            if let (false, Some(both_ways)) = (stalled, self.delayed.get_mut(link)) {
+                both_ways[way.index()].release(now);
             }
         }
     }

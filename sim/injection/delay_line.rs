@@ -9,14 +9,14 @@ const MOST_HELD: usize = 16_384;
 
 /// One direction of one link. Bytes never overtake one another.
 #[derive(Debug, Default)]
-pub(super) struct Stage {
+pub(super) struct DelayLine {
     held: VecDeque<(SimTime, u8)>,
 }
 
 /// The time of a byte that is held until something releases it.
 const HELD: SimTime = SimTime::MAX;
 
-impl Stage {
+impl DelayLine {
     pub(super) fn push(&mut self, at: SimTime, byte: u8) {
         let last = self.held.back().map_or(SimTime::ZERO, |(at, _)| *at);
         if self.held.len() < MOST_HELD {
