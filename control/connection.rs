@@ -36,7 +36,7 @@ const STEP_METHODS: &str = "GET, POST or DELETE";
 
 /// Serves a client until it leaves, or takes too long.
 pub(crate) fn serve(stream: TcpStream, shared: &Shared, watch: &Arc<Watch>) {
-    // Who leaves early needs no answer.
+    // A client that leaves early needs no answer.
     let _ = Connection::new(stream, shared, watch).and_then(Connection::serve);
 }
 

@@ -170,7 +170,7 @@ impl Watches {
     /// Takes no more requests from any.
     pub(crate) fn end(&self) {
         for watch in self.lock().iter() {
-            // Who has left needs no end.
+            // A client that has left needs no end.
             let _ = watch.socket.shutdown(Shutdown::Read);
         }
     }

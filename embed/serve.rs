@@ -43,8 +43,8 @@ const MOST_LATE: Duration = Duration::from_millis(20);
 /// Longest sleep after the machine has stalled the simulator, or a client has sent something; from
 /// then on twice as long each time that it is woken when it asked to be. Only a sleep that ends too
 /// late shows that the machine stood still: while a client is at work, none may be longer than what
-/// is to be noticed. Simulated time stands still from the beginning of such a sleep, so who is
-/// stopped again and again would sleep through the same span for ever.
+/// is to be noticed. Simulated time stands still from the beginning of such a sleep, so a simulator
+/// that is stopped again and again would sleep through the same span for ever.
 const FIRST_SLEEP: Duration = MOST_LATE;
 /// A sleep that may be as long as this may have any length.
 const LONG_SLEEP: Duration = Duration::from_secs(1);

@@ -56,7 +56,7 @@ struct Node {
     departed: bool,
     /// A client has closed it, or has opened it during our last visits.
     left: bool,
-    /// Another may have opened it unreported: during our last visits, or together with one who has opened
+    /// Another may have opened it unreported: during our last visits, or together with one that has opened
     /// it since the last one closed it.
     unsure: bool,
     /// Reports of openings and of closings since a visit of our own began.
@@ -77,7 +77,7 @@ pub(crate) enum Departures {
     Last,
     /// The last one has closed it, and another may be there, unreported.
     Unclear,
-    /// The last one has closed it, and another has opened it since, who is reported before it can write
+    /// The last one has closed it, and another has opened it since, which is reported before it can write
     /// anything.
     Replaced,
 }

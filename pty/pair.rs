@@ -36,7 +36,7 @@ use crate::line::{Defaults, is_same};
 const DATA: u8 = 0;
 const FLUSH_READ: u8 = 1;
 const FLUSH_WRITE: u8 = 2;
-/// Most times to undo what clients do who come and go meanwhile.
+/// Most times to undo what clients do that come and go meanwhile.
 const MOST_VISITS: u32 = 8;
 /// Rounds in which bytes of clients that have left are thrown away, which are no more than the
 /// system keeps.
@@ -250,7 +250,7 @@ impl Pair {
     }
 
     /// Makes the client's end as it was before any client came; says whether it is, and how often
-    /// it was opened for that. The next client, who may come at any moment, keeps whatever it has
+    /// it was opened for that. The next client may come at any moment, and keeps whatever it has
     /// set.
     pub(crate) fn restore(&self) -> Result<(bool, u32), PortErrorKind> {
         self.flush_output()?;
@@ -272,14 +272,14 @@ impl Pair {
         Ok((false, MOST_VISITS))
     }
 
-    /// Undoes of that what a next client, who is there already, could not mend or would suffer
+    /// Undoes of that what a next client that is there already could not mend or would suffer
     /// from; says how often it was opened for that.
     pub(crate) fn restore_for_next(&self) -> Result<u32, PortErrorKind> {
         self.flush_output()?;
         self.look_in_for_next(resume_and_empty)
     }
 
-    /// The same, but takes nothing from one who has been there for long.
+    /// The same, but takes nothing from a client that has been there for long.
     pub(crate) fn resume(&self) -> Result<u32, PortErrorKind> {
         self.look_in_for_next(resume)
     }
@@ -384,7 +384,7 @@ fn resume(slave: &OwnedFd) -> Result<(), PortErrorKind> {
     unless_hung_up(tcflow(slave, Action::OOn)).map_err(PortErrorKind::call("tcflow"))
 }
 
-/// A privileged client may hang up all who have the node open, ourselves for once. What was to be undone is
+/// A privileged client may hang up all that have the node open, ourselves for once. What was to be undone is
 /// looked at again at the next departure.
 fn unless_hung_up(done: Result<(), Errno>) -> Result<(), Errno> {
     match done {

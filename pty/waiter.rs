@@ -205,7 +205,7 @@ pub fn sharpen_timers() -> Result<(), PortError> {
 }
 
 /// Allows this process as many file descriptors as it may allow itself, if `count` are more than it has.
-/// Programs that it starts get as many, so it is for who needs them.
+/// Programs that it starts get as many, so it is for a caller that needs them.
 pub fn want_descriptors(count: u64) {
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     if current.is_some_and(|current| current < count) {

@@ -386,7 +386,7 @@ fn events_come_to_a_shell() {
     ]);
     let events = Sim::spawn(&mut events, PathBuf::new(), None);
     events.wait_line(&["\"event\":\"values\"", "truth.speed_mps"]);
-    // Who wants no more of them ends it.
+    // A client that wants no more of them ends it.
     let mut first = Command::new("sh");
     first
         .args(["-c", "\"$0\" ctl events --names t | head -n 1"])

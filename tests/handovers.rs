@@ -161,7 +161,7 @@ fn a_client_is_answered_while_what_another_left_is_caught_up_with() {
 fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
     let _alone = alone();
     let sim = Sim::start(&[&JSON[..], &["--quiet"]].concat());
-    // Who holds its output back does so until the simulator wakes up.
+    // A client that holds its output back does so until the simulator wakes up.
     let kinds = KINDS[..KINDS.len() - 1].iter();
     for round in 0..handovers() {
         sim.signal(Signal::STOP);

@@ -326,7 +326,7 @@ fn how_a_client_ends_is_judged() {
     );
     script(&[], "exit 0", 3, "without having opened a port");
     script(&[], "read nothing <&1", 3, "the client ");
-    // Who waits for ever is over at once, at the limit; that alone is not a failure.
+    // A client that waits for ever is over at once, at the limit; that alone is not a failure.
     script(&[], &format!("{OPEN} cat <&3"), 0, "4.0 s simulated");
     let endless = format!("{OPEN} while :; do :; done");
     script(&["--timeout", "2s"], &endless, 1, "was computing, in ");

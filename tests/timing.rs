@@ -231,7 +231,7 @@ fn a_stopped_simulator_does_not_make_a_steady_client_too_fast() {
             is_steady
         });
     }
-    // Who is too fast is found, stopped or not.
+    // A client that is too fast is found, stopped or not.
     let time = Duration::from_millis(4000);
     let (_, events) = drive_steadily(Duration::from_millis(25), time, &stops(&[52, 120]));
     assert!(!with_code(&events, "over_rate").is_empty(), "{events:?}");

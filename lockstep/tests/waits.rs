@@ -678,7 +678,7 @@ print(data, round(time.monotonic() - start, 2)); os.wait()
     assert!(played.took.as_secs() < 10, "{:?}", played.took);
 }
 
-/// Who has asked another machine waits for the answer in real time.
+/// A client that has asked another machine waits for the answer in real time.
 #[test]
 fn datagrams_to_another_machine_are_outside() {
     let code = r#"

@@ -15,7 +15,7 @@ use crate::error::PortErrorKind;
 
 pub(super) const SUFFIX: &str = ".sim-lock";
 
-/// Time between two attempts, since who only looks what a killed simulator has left holds it for a moment.
+/// Time between two attempts: a process that only looks for what a killed one has left holds it for a moment.
 const PAUSE: Duration = Duration::from_millis(1);
 
 /// Most bytes of a lock file that are read.

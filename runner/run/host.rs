@@ -177,7 +177,7 @@ impl Run {
                 self.situation.rig.client_puts(port, bytes);
             }
             HostDoes::Open if self.situation.rig.cable_pulled(port) => {
-                // Who tries again and again is not wrong yet.
+                // A client that tries again and again is not wrong yet.
                 if self.plan.scenario.steps[step].every.is_none() {
                     let why = "the port cannot be opened while its cable is out; with `every`, it is \
                                tried again";

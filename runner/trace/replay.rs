@@ -323,7 +323,7 @@ impl<'o> Replay<'o> {
                 self.ended = true;
             }
         }
-        // Who has enough has not seen all that is to be compared.
+        // A replay that has enough has not seen all that is to be compared.
         if self.is_enough() {
             return Ok(());
         }

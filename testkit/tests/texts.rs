@@ -1,4 +1,4 @@
-//! Files as they are shipped, with something wrong in them, and files as no one writes them.
+//! Files as they are shipped, with something wrong in them, and files as no user writes them.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -80,7 +80,7 @@ pub(crate) fn fork(
 fn close_others(line: RawFd) {
     for (first, last) in [(3, line - 1), (line + 1, RawFd::MAX)] {
         if first <= last {
-            // SAFETY: takes numbers; no one in the child uses those that are closed.
+            // SAFETY: takes numbers; nothing in the child uses those that are closed.
             unsafe { libc::syscall(libc::SYS_close_range, first, last, 0) };
         }
     }
