@@ -127,7 +127,6 @@ pub struct Builder {
     settings: Table,
     world: Option<PathBuf>,
     seed: Option<u64>,
-    wire: Wire,
     speed: f64,
 }
 
@@ -141,7 +140,6 @@ impl Default for Builder {
             settings: Table::new(),
             world: None,
             seed: None,
-            wire: Wire::Paced,
             speed: 1.0,
         }
     }
@@ -231,13 +229,6 @@ impl Builder {
         self
     }
 
-    /// Sends bytes in no time. By default each takes ten bits at the baud rate.
-    #[must_use]
-    pub fn instant_wire(mut self) -> Self {
-        self.wire = Wire::Instant;
-        self
-    }
-
     /// Simulated seconds for each second of real time, where it is served.
     #[must_use]
     pub fn speed(mut self, speed: f64) -> Self {
@@ -277,7 +268,7 @@ impl Builder {
         let world = world.as_ref().map(NamedText::source);
         let options = RunOptions {
             seed: self.seed.or(scenario.rig.seed).unwrap_or(SEED),
-            wire: self.wire,
+            wire: Wire::Paced,
             live: true,
             trace: false,
         };
