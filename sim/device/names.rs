@@ -107,14 +107,9 @@ pub static COMMON: &[NameInfo] = &[
 ];
 
 /// The length of the velocity; a square root is the same on every machine.
-fn length(
-    Motion {
-        forward_speed,
-        leftward_speed,
-        ..
-    }: Motion,
-) -> f64 {
-    (forward_speed * forward_speed + leftward_speed * leftward_speed).sqrt()
+fn length(motion: Motion) -> f64 {
+    let (ahead, left) = (motion.forward_speed, motion.leftward_speed);
+    (ahead * ahead + left * left).sqrt()
 }
 
 /// The value of a name.
@@ -170,19 +165,14 @@ impl Getter {
 
 /// The names that the declaration of a message has.
 pub(super) fn of_message(message: &'static MessageInfo) -> Vec<NameInfo> {
-    let row = |name, unit, meaning: &'static str, getter| NameInfo {
-        name,
-        unit,
-        meaning: meaning.trim().trim_end_matches('.'),
-        getter,
+    let row = |name, unit, text: &'static str, getter| {
+        NameInfo::new(name, unit, text.trim().trim_end_matches('.'), getter)
     };
     let mut names = Vec::new();
     if !message.age.is_empty() {
-        let (age, meaning) = (
-            message.age,
-            "time since the last such message; infinite before",
-        );
-        names.push(row(age, Unit::Number("s"), meaning, Getter::Age(age)));
+        let meaning = "time since the last such message; infinite before";
+        let getter = Getter::Age(message.age);
+        names.push(row(message.age, Unit::Number("s"), meaning, getter));
     }
     if message.sender == Sender::Client && !message.count.is_empty() {
         let meaning = "number of such messages that arrived";
@@ -205,6 +195,15 @@ pub(super) fn of_code(code: Code) -> NameInfo {
 }
 
 impl NameInfo {
+    const fn new(name: &'static str, unit: Unit, meaning: &'static str, getter: Getter) -> Self {
+        Self {
+            name,
+            unit,
+            meaning,
+            getter,
+        }
+    }
+
     /// Returns whether it counts events of this code.
     pub(super) fn is_count_of(&self, code: Code) -> bool {
         matches!(self.getter, Getter::Count(counted) if counted == code.name)
@@ -218,12 +217,7 @@ impl NameInfo {
         meaning: &'static str,
         get: fn(&View<'_>) -> f64,
     ) -> Self {
-        Self {
-            name,
-            unit: Unit::Number(unit),
-            meaning,
-            getter: Getter::Number(get),
-        }
+        Self::new(name, Unit::Number(unit), meaning, Getter::Number(get))
     }
 
     /// True or false.
@@ -233,22 +227,12 @@ impl NameInfo {
         meaning: &'static str,
         get: fn(&View<'_>) -> bool,
     ) -> Self {
-        Self {
-            name,
-            unit: Unit::Flag,
-            meaning,
-            getter: Getter::Flag(get),
-        }
+        Self::new(name, Unit::Flag, meaning, Getter::Flag(get))
     }
 
     /// Describes the number of events of a code, where `count.` and the code is not its name.
     #[must_use]
     pub const fn count(name: &'static str, code: &'static str, meaning: &'static str) -> Self {
-        Self {
-            name,
-            unit: Unit::Number(""),
-            meaning,
-            getter: Getter::Count(code),
-        }
+        Self::new(name, Unit::Number(""), meaning, Getter::Count(code))
     }
 }
