@@ -28,8 +28,8 @@ crate::faults! {
         lasts [300, 2000, 0]
         motors "Motors, or wheels of a car."
         {
-            /// Torque at the wheels of a side, or at one wheel of a car; default 100 N*m for an R150
-            /// and 0.5 N*m for a car.
+            /// Torque at a side, or at one wheel of a car; default 100 N*m for an R150 and 0.5 N*m
+            /// for a car.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             torque: Option<Torque>,
         }
