@@ -53,7 +53,7 @@ pub(super) fn is_unavoidable(
             if let Some(step) = without.and_then(|name| run.step_named(name)) {
                 run.clear_step(step).map_err(Failure::system)?;
             }
-            let outcome = go_on(&mut run, open, &records, then).map_err(Failure::system)?;
+            let outcome = play_rest(&mut run, open, &records, then).map_err(Failure::system)?;
             if !broken(&outcome).contains_key(key) {
                 return Ok(false);
             }
@@ -75,7 +75,7 @@ pub(super) fn is_unavoidable(
     Ok(false)
 }
 
-fn go_on(
+fn play_rest(
     run: &mut Run,
     mut open: BTreeSet<PortId>,
     records: &[Record],

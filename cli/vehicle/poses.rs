@@ -93,7 +93,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Vec<TimedPose>> {
         );
         row[3] = row[3].to_radians();
         if all.last().is_none_or(|kept| last - kept[0] > NEARLY) {
-            row[3] = go_on(all.last(), row[3]);
+            row[3] = unwrapped(all.last(), row[3]);
             all.push(row);
         }
     }
@@ -102,7 +102,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Vec<TimedPose>> {
 }
 
 /// The heading nearest to the last one.
-fn go_on(last: Option<&TimedPose>, heading: f64) -> f64 {
+fn unwrapped(last: Option<&TimedPose>, heading: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     last.map_or(heading, |last| {
         last[3] + (heading - last[3] + PI).rem_euclid(TAU) - PI
@@ -125,7 +125,7 @@ impl Observer for Track<'_> {
     fn sample(&mut self, run: &Run) {
         let motion = run.rig().motion(0);
         let pose = motion.map(|motion| motion.pose).unwrap_or_default();
-        let heading = go_on(self.poses.last(), pose.heading);
+        let heading = unwrapped(self.poses.last(), pose.heading);
         let now = run.rig().now().as_secs_f64();
         self.poses.push([now, pose.x, pose.y, heading]);
     }
