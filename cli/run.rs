@@ -50,7 +50,7 @@ pub(crate) use page::{
 };
 pub(crate) use pool::{play_quietly, stop_by_signals};
 pub(crate) use tell::written as client_output;
-pub(crate) use twice::play as play_twice;
+pub(crate) use twice::{DIFFERS, play as play_twice};
 pub(crate) use view::signature;
 
 /// The `run` subcommand.

@@ -87,8 +87,7 @@ pub const RENAMED: &[Renamed] = &[
     renamed(Kind::Ctl, "step-by", "advance"),
 ];
 
-/// Settings whose value is fixed now, a group a line: no client can tell it, or no vehicle has another. `*` is
-/// a whole group.
+/// Settings whose value is fixed now, a group a line: no client can tell it, or no vehicle has another.
 const FIXED: &str = include_str!("renamed/fixed.txt");
 
 /// Keys of scenario files that were removed, with one that stands beside each, and what to do instead.
@@ -121,6 +120,13 @@ impl fmt::Display for Renamed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.new {
             "" => write!(f, "`{}` was removed", self.old),
+            // Another quantity.
+            new if self.kind == Kind::Name
+                && new.starts_with("count.")
+                && !self.old.starts_with("count.") =>
+            {
+                write!(f, "`{}` was removed; see `{new}`", self.old)
+            }
             new => write!(f, "`{}` is now `{new}`", self.old),
         }
     }
@@ -158,7 +164,7 @@ fn is_fixed(key: &str) -> bool {
     let mut names = rows
         .filter(|row| row.0 == group)
         .flat_map(|row| row.1.split(' '));
-    names.any(|fixed| [name, "*"].contains(&fixed))
+    names.any(|fixed| fixed == name)
 }
 
 /// Returns whether two names differ by `-` and `_` at most.

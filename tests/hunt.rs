@@ -211,6 +211,19 @@ fn rules_whose_messages_begin_alike_are_two_rules() {
     }
 }
 
+#[test]
+fn a_client_that_only_waits_has_moments_until_the_end() {
+    let folder = folder();
+    let waits = CLIENT.replace("range(40)", "range(1)") + "while True:\n    time.sleep(0.5)\n";
+    write(&folder, "client.py", &waits);
+    let few = ["--faults", "lock", "--runs", "2", "--output", "out"];
+    let ended = hunt(&folder, &few);
+    assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    let job = job(&folder, "out");
+    let last = job["moments"].as_array().unwrap().last().unwrap();
+    assert!(last["at_ms"].as_u64().unwrap() > 400, "{last}");
+}
+
 /// A client that speaks until the port is gone, and what it does then is in a separate module. It aborts the
 /// hunt at a start of which the number is in a file, and computes until the hunt has seen the signal.
 const ABORTING: &str = r#"
@@ -273,8 +286,8 @@ fn a_hunt_that_was_aborted_goes_on_unless_the_client_has_changed() {
         play("whole"),
         (
             Some(0),
-            "job.toml: 1 kind of faults at 2 moments, 0 rules judged\n  without a rule that is judged, only a client \
-             that ends with an error is found; --rules adds some, and those with `mission = true` do not count\n"
+            "job.toml: 1 kind of faults at 2 moments, 0 rules judged\n  only the client's end is judged, and the job's \
+             client_report if it has one; --rules adds rules, of which those with `mission = true` do not count\n"
                 .to_owned()
         )
     );

@@ -23,7 +23,8 @@ use crate::exit::Failure;
 use crate::json_lines::Lines;
 use crate::print::complain;
 use crate::run::{
-    Case, CaseResult, Plan, Verdict, play_quietly, play_twice, scratch, signature, stop_by_signals,
+    Case, CaseResult, DIFFERS, Plan, Verdict, play_quietly, play_twice, scratch, signature,
+    stop_by_signals,
 };
 use crate::scenario_files::{Given, Loaded, load_text};
 use crate::visible;
@@ -59,7 +60,7 @@ pub(super) struct Seen {
     pub(super) hit: Vec<bool>,
     /// Times of new transitions from one message to another, from the client's first deviation on, ms.
     pub(super) reactions: Vec<u64>,
-    /// Time of the client's last action, ms.
+    /// Time at which the client closed its last port and did nothing more, or the end of the run, ms.
     pub(super) ended: u64,
     /// Why there is no verdict, if there is none.
     pub(super) error: Option<String>,
@@ -97,6 +98,10 @@ impl Seen {
         self.hit.contains(&true)
     }
 }
+
+/// Digests of what is no message.
+const ATTACH: u64 = 1;
+const DETACH: u64 = 2;
 
 /// Something that a client does.
 struct Act {
@@ -260,7 +265,10 @@ impl<'a> Player<'a> {
     pub(super) fn difference(&self, text: &str) -> Result<Option<String>, Failure> {
         let loaded = self.load(text)?;
         let result = play_twice(&Case::new(&self.args, &loaded, 0, self.seed), &self.stop)?;
-        Ok(result.failed().map(|failure| failure.what.clone()))
+        let played = result.played.iter();
+        let mut failures = played.flat_map(|played| &played.outcome.failures);
+        let differs = failures.find(|failure| failure.what.starts_with(DIFFERS));
+        Ok(differs.map(|failure| failure.what.clone()))
     }
 
     /// Plays files with seeds. Results of earlier plays are reused unless `again` is set.
@@ -453,7 +461,7 @@ impl<'a> Player<'a> {
             begun,
             hit,
             reactions,
-            ended: acts.last().map_or(0, |act| act.at),
+            ended: end_of(&acts).unwrap_or(millis(outcome.ended_at.as_nanos())),
             error: None,
         }
     }
@@ -477,14 +485,22 @@ fn read_journal(mut journal: &File, head: &Value) -> (u64, BTreeMap<u64, Seen>) 
 pub(super) fn broken(outcome: &Outcome) -> BTreeMap<String, Broken> {
     let mut all = BTreeMap::new();
     for failure in &outcome.failures {
-        let rule = || failure.rule.clone();
+        let step = failure.step.as_deref().unwrap_or_default();
         let key = match failure.kind {
-            FailureKind::Rule => rule(),
-            FailureKind::Client => signature(&failure.rule),
+            FailureKind::Rule if failure.rule != failure.what => {
+                format!("rule {step}: {}", failure.rule)
+            }
+            // Values may stand anywhere in it.
+            FailureKind::Rule => format!("rule {step}: {}", signature(&failure.rule)),
+            // What each thread waited for stands behind.
+            FailureKind::Client => {
+                let what = failure.rule.split([',', ';', ':']).next();
+                signature(what.unwrap_or_default())
+            }
             FailureKind::Consequence => continue,
         };
         all.entry(key).or_insert_with(|| Broken {
-            rule: rule(),
+            rule: failure.rule.clone(),
             failure: failure.to_string(),
         });
     }
@@ -504,11 +520,18 @@ fn millis(nanos: u64) -> u64 {
     (nanos + 500_000) / 1_000_000
 }
 
+/// Time at which the client closed its last port and did nothing more; `None` if a port was open until the end.
+fn end_of(acts: &[Act]) -> Option<u64> {
+    let count = |what| acts.iter().filter(|act| act.what == what).count();
+    let last = acts.last().filter(|act| act.what == DETACH)?;
+    (count(ATTACH) == count(DETACH)).then_some(last.at)
+}
+
 fn acts(records: &[Record]) -> Vec<Act> {
     let act = |record: &Record| {
         let (t, what, head) = match record {
-            Record::Attach { t, .. } => (*t, 1, 1),
-            Record::Detach { t, .. } => (*t, 2, 2),
+            Record::Attach { t, .. } => (*t, ATTACH, ATTACH),
+            Record::Detach { t, .. } => (*t, DETACH, DETACH),
             Record::In { t, bytes, .. } => {
                 let head = bytes.0.get(..MOST_HEAD).unwrap_or(&bytes.0);
                 (*t, digest(&bytes.0), digest(head))

@@ -244,8 +244,8 @@ impl Hunt<'_> {
         ));
         if rules == 0 {
             complain(
-                "  without a rule that is judged, only a client that ends with an error is found; --rules adds some, \
-                 and those with `mission = true` do not count",
+                "  only the client's end is judged, and the job's client_report if it has one; --rules adds rules, \
+                 of which those with `mission = true` do not count",
             );
         }
         Ok(())

@@ -11,6 +11,8 @@ use crate::exit::Failure;
 use super::case::{Case, CaseResult, Verdict};
 use super::{folder, lockstep, tell};
 
+/// Beginning of the failure of two runs that are not the same.
+pub(crate) const DIFFERS: &str = "the second run differs";
 /// Compared files: the ends of the files' names, and what is in them.
 const COMPARED: [(&str, &str); 2] = [("trace.jsonl", "trace"), ("client.log", "client's output")];
 
@@ -71,13 +73,13 @@ fn difference(what: &str, first: &[u8], second: &[u8]) -> Option<String> {
     loop {
         match (first.next(), second.next()) {
             // Only what ends a line differs, or what is not text.
-            (None, None) => return Some(format!("the second run differs: bytes of the {what}")),
+            (None, None) => return Some(format!("{DIFFERS}: bytes of the {what}")),
             (one, other) if one == other => number += 1,
             (one, other) => {
                 let shown =
                     |line: Option<&str>| line.map_or("(its end)".to_owned(), tell::shortened);
                 return Some(format!(
-                    "the second run differs first in line {number} of the {what}: {}; the first has {}",
+                    "{DIFFERS} first in line {number} of the {what}: {}; the first has {}",
                     shown(other),
                     shown(one)
                 ));

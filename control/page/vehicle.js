@@ -1,11 +1,11 @@
 // The state of all devices, side by side: a row for each quantity, a column for each device.
 
 // Flags that are shown while they hold, since they seldom do.
-const ALARMS = /^(truth\.(tipping|fuse_.*_blown|.*_derated)|firmware\.(overcurrent|over_temperature|power_module).*)$/;
+const ALARMS = /^(truth\.(tipping|.*_derated)|firmware\.(overcurrent|over_temperature|power_module).*)$/;
 // Modes in which a vehicle does not do what its client says.
 const HINDRANCES = /^mode\.(locked|parked|emergency_stop|remote)$/;
 
-const words = (name) => name.split(".").at(-1).replaceAll("_", " ").replace(/ (on|blown)$/, (all) => (all === " on" ? "" : all));
+const words = (name) => name.split(".").at(-1).replaceAll("_", " ").replace(/ on$/, "");
 const number = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1") : "–");
 
 // The rows: which names each needs, and what it shows of them. `read` gives the value of a name, if the device has it.
@@ -16,7 +16,11 @@ const ROWS = [
     text: words(name), isOn: read(name) === true, isBad: HINDRANCES.test(name),
   }))],
   ["in effect", [], ({ steps }) => steps.map((text) => ({ text, isOn: true }))],
-  ["alarms", [ALARMS], ({ names, read, pose }) => [...names.filter((name) => read(name) === true).map(words), ...(pose?.touching ? ["collision"] : [])]
+  ["alarms", [ALARMS, "count.fuse_blown"], ({ names, read, pose }) => [
+    ...names.filter((name) => read(name) === true).map(words),
+    ...(read("count.fuse_blown") > 0 ? ["fuse blown"] : []),
+    ...(pose?.touching ? ["collision"] : []),
+  ]
     .map((text) => ({ text, isOn: true, isBad: true }))],
   ["charge", ["truth.soc_percent", "truth.battery_v", "truth.battery_a"], ({ read }) =>
     `${number(read("truth.soc_percent"), 1)} %, ${number(read("truth.battery_v"), 1)} V, ${number(read("truth.battery_a"), 1)} A`],

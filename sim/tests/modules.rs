@@ -197,7 +197,9 @@ fn above() -> Vec<(String, String)> {
             let path = entry.unwrap().path();
             let name = path.file_name().unwrap().to_str().unwrap().to_owned();
             if path.ends_with("testkit/stream") || path.ends_with("testkit/stream.rs") {
-            } else if path.is_dir() && name != "tests" {
+                continue;
+            }
+            if path.is_dir() && name != "tests" {
                 folders.push(path);
             } else if name.ends_with(".rs") && name != "tests.rs" {
                 found.push((name, fs::read_to_string(&path).unwrap()));
