@@ -31,6 +31,8 @@ const FRESH: usize = 2;
 const MARGIN: f64 = 40.0;
 /// What a single play may save by luck, and half as much again.
 const LUCK: f64 = 300.0;
+/// Standard errors of a mean of plays that are no luck.
+const SURE: f64 = 3.0;
 /// Square of the least visible change, in standard deviations.
 const TOUCHED: f64 = 25.0;
 /// Changes of a number that are tried, in steps of 20 %: one step, and about a factor of three.
@@ -67,6 +69,12 @@ pub(super) struct Model {
     quiet: Play,
     pub(super) cells: Vec<Vec<Arc<Cell>>>,
     pub(super) layout: Arc<Layout>,
+}
+
+/// Costs of a model: of each slot as the mean of plays, and of each play.
+pub(super) struct Costs {
+    pub(super) each: Vec<f64>,
+    plays: Vec<f64>,
 }
 
 /// A changed value of a setting, and its effect on the model without noise.
@@ -211,7 +219,7 @@ impl<'a> Search<'a> {
     /// Cost of a model, and of its settings.
     fn price(&self, model: &Model, is_last: bool) -> Result<f64, String> {
         let cost = match is_last {
-            true => self.costs(model)?.iter().sum(),
+            true => self.costs(model)?.each.iter().sum(),
             false => self.cost(model, false),
         };
         Ok(cost + self.margin() * self.changed(&model.settings).len() as f64)
@@ -486,20 +494,29 @@ impl<'a> Search<'a> {
         if self.is_real() { sum - most } else { sum }
     }
 
-    /// Cost of each slot, as the mean of plays with each number a little off. That tyres slip and stick as those
-    /// of the vehicle is luck, which saves up to 200 and ends a thousandth of a step further.
-    pub(super) fn costs(&self, model: &Model) -> Result<Vec<f64>, String> {
+    /// Costs of plays with each number a little off. That tyres slip and stick as those of the vehicle is luck,
+    /// which saves up to 200 and ends a thousandth of a step further.
+    pub(super) fn costs(&self, model: &Model) -> Result<Costs, String> {
         let near = (1..=SEEDS).map(|seed| self.near(&model.settings, seed));
         let near = self.moved(model, near.collect())?;
         let cost = |at| near.iter().map(|one| self.cost_at(one, at)).sum::<f64>();
         let each = self.slots(false).map(|at| cost(at) / SEEDS as f64);
-        Ok(each.collect())
+        Ok(Costs {
+            each: each.collect(),
+            plays: near.iter().map(|one| self.cost(one, false)).collect(),
+        })
     }
 
-    /// Cost that one model saves compared with another, from those of each slot.
-    fn gain(&self, before: &[f64], after: &[f64]) -> f64 {
-        let each = before.iter().zip(after);
-        self.total(each.map(|(before, after)| before - after))
+    /// Cost that one model saves compared with another, and the least that is no luck.
+    fn gain(&self, before: &Costs, after: &Costs) -> (f64, f64) {
+        let each = before.each.iter().zip(&after.each);
+        let plays = before.plays.iter().zip(&after.plays);
+        let saved: Vec<f64> = plays.map(|(before, after)| before - after).collect();
+        let mean = saved.iter().sum::<f64>() / SEEDS as f64;
+        let squares: f64 = saved.iter().map(|one| (one - mean).powi(2)).sum();
+        let error = (squares / (SEEDS * (SEEDS - 1)) as f64).sqrt();
+        let saves = self.total(each.map(|(before, after)| before - after));
+        (saves, self.margin().max(SURE * error))
     }
 
     fn saved_at(&self, before: &Model, after: &Model, at: (usize, usize)) -> f64 {

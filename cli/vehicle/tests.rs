@@ -474,8 +474,10 @@ fn tally(
                 let [low, high] = ends.map(Option::unwrap_or_default);
                 (low..=high).contains(&numbers[0])
             });
+        // Also one of two that explain it together.
+        let mut instead = findings.found.iter().flat_map(|one| &one.or);
         let is_named =
-            found.is_some() || (findings.found.iter()).any(|one| one.or.contains(&knob.name()));
+            found.is_some() || instead.any(|or| or.split(" with ").any(|one| one == knob.name()));
         let class = match (truth != base, written != base) {
             (false, false) => continue,
             (false, true) => "FALSE",
@@ -526,7 +528,7 @@ fn vehicle_with_changes(vehicle: u64, changes: usize) -> (SimSettings, Vec<Recor
         let with_it = vec![drive(&[""], &more, 1000 + vehicle)];
         let search = Search::new(&with_it, with(&[]), &[]);
         let cost = |one| search.costs(&search.model(one, 1.0).unwrap()).unwrap();
-        let [before, after] = [&settings, &more].map(|one| cost(one).iter().sum::<f64>());
+        let [before, after] = [&settings, &more].map(|one| cost(one).each.iter().sum::<f64>());
         if before > after + 100.0 {
             changed.insert(knob.name());
             (settings, recordings) = (more, with_it);

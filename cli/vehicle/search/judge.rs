@@ -60,8 +60,8 @@ impl Search<'_> {
                 break;
             };
             let without = self.polish(plain.clone(), &others, f64::INFINITY)?;
-            let saves = self.gain(&self.costs(&without)?, &costs);
-            if saves < self.margin() {
+            let (saves, least) = self.gain(&self.costs(&without)?, &costs);
+            if saves < least {
                 found.clear();
                 *model = self.model(&without.settings, 1.0)?;
                 linear = self.linear(model, trials)?;
@@ -78,10 +78,10 @@ impl Search<'_> {
                 let goal = self.cost(model, false) + self.margin() + LUCK;
                 let tried = self.polish(tried, &numbers, goal)?;
                 let by_tried = self.costs(&tried)?;
-                let least = self.margin() * names.len() as f64;
-                if self.gain(&costs, &by_tried) > least && swaps > 0 {
+                let (saves, least) = self.gain(&costs, &by_tried);
+                if saves > least.max(self.margin() * names.len() as f64) && swaps > 0 {
                     better = Some(tried);
-                } else if self.gain(&by_tried, &costs) < self.margin() {
+                } else if self.gain(&by_tried, &costs).0 < least {
                     or.push(names.join(WITH));
                 }
             }
