@@ -9,7 +9,8 @@ finding counts where the client with the bug breaks a rule that the one without 
 the baseline: random schedules of the same space. Prints a line for each bug and seed, and a table by class. Every bug
 is hunted with one seed before any with the next; after `--minutes` no hunt begins, and the table is of those before.
 With `--results`, each result is added to the file, and what is there already is not hunted again: hundreds of hunts take
-days. The file is to be removed when the search has changed.
+days. The file is to be removed when the search has changed. results.jsonl is that of docs/performance.md, with
+`--shrink-runs 1`. Its rows that begin with uniform, moments, margins or reactions are of builds without a part of it.
 """
 import argparse
 import json
