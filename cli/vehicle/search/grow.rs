@@ -123,12 +123,7 @@ impl Search<'_> {
             let is_done = !is_last && self.is_explained(&all[0].2);
             let open = all.iter_mut().find(|one| !one.1);
             let Some((_, is_searched, model)) = open.filter(|_| !is_done) else {
-                let best = (scale == 1.0).then(|| all[0].2.clone());
-                let next = best.map(|best| self.recombined(&best, &trials, &mut known));
-                let next = next.transpose()?.flatten();
-                let Some(next) = next else { break };
-                all.push((self.price(&next, is_last)?, false, next));
-                continue;
+                break;
             };
             *is_searched = true;
             let model = model.clone();
@@ -216,59 +211,6 @@ impl Search<'_> {
             }
         }
         Ok(all)
-    }
-
-    /// The model with another set of numbers changed, if by first order that is cheaper.
-    fn recombined(
-        &self,
-        model: &Model,
-        trials: &[Trial],
-        known: &mut BTreeSet<Set>,
-    ) -> Result<Option<Model>, String> {
-        let linear = self.linear(model, trials)?;
-        let best = |set: &[usize]| linear.saves(set) - self.margin() * set.len() as f64;
-        let mut set = linear.own();
-        let mut saves = best(&set);
-        // Up to one less, and up to two more, which may hide one another.
-        let count = linear.numbers.len();
-        loop {
-            let without = (0..=set.len()).map(|left| {
-                let mut set = set.clone();
-                if left < set.len() {
-                    set.remove(left);
-                }
-                set
-            });
-            let others = without.flat_map(|set| {
-                let pairs =
-                    (0..=count).flat_map(|one| (one..=count).map(move |other| [one, other]));
-                pairs.map(move |pair| {
-                    let mut with = set.clone();
-                    with.extend(
-                        pair.into_iter()
-                            .filter(|at| *at < count && !set.contains(at)),
-                    );
-                    with.dedup();
-                    with
-                })
-            });
-            let others = others.map(|set| (best(&set), set));
-            let next = others.max_by(|one, other| one.0.total_cmp(&other.0));
-            match next.filter(|next| next.0 > saves + 1.0) {
-                Some(next) => (saves, set) = next,
-                None => break,
-            }
-        }
-        let settings = self.with_linear(&linear, &model.settings, &set);
-        if !known.insert(self.set(&settings)) {
-            return Ok(None);
-        }
-        let next = self.moved(model, vec![settings])?.into_iter().next();
-        let polish = |next: Model| {
-            let numbers = self.numbers(&next.settings);
-            self.polish(next, &numbers, f64::INFINITY)
-        };
-        next.map(polish).transpose()
     }
 
     /// First-order saving of each number, if all others adapt when it is taken back.
