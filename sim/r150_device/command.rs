@@ -134,6 +134,7 @@ macro_rules! rail_names {
         const REPORTED_ON: &[(&str, &str)] = &[$(
             (concat!("reported.", $name, "_on"), concat!($output, " is on, by the last reply")),
         )+];
+        // The 12 V outputs are the first four; no reply has the current of the 5 V outputs.
         const CURRENTS: &[&str] = &[$(concat!("reported.", $name, "_a")),+];
     };
 }
