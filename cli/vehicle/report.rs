@@ -54,6 +54,8 @@ pub(super) struct HeldOut {
     pub(super) before: f64,
     /// With what is written.
     pub(super) fitted: f64,
+    /// Of plays of the model itself with what is written.
+    pub(super) by_chance: f64,
 }
 
 /// Of two values, the first is the vehicle's, the second the model's.
@@ -139,6 +141,7 @@ impl Report {
                 slots: slots().filter(|slot| slot.counts && slot.held_out).count(),
                 before: findings.held_out[0],
                 fitted: findings.held_out[1],
+                by_chance: findings.held_out[2],
             },
             chatters: search.recordings[0].device.host.chatters,
             base: search.base.clone(),
@@ -367,9 +370,11 @@ impl HeldOut {
             slots,
             before,
             fitted,
+            by_chance,
         } = self;
         format!(
-            "Cost of the third that was not used, {slots} messages: {before:.0} before, {fitted:.0} with what is written"
+            "Cost of the third that was not used, {slots} messages: {before:.0} before, {fitted:.0} with what is \
+             written, {by_chance:.0} for plays of the model itself"
         )
     }
 }

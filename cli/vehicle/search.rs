@@ -115,8 +115,8 @@ pub(super) struct Findings {
     pub(super) verdicts: Vec<Verdict>,
     /// The model with unambiguous changes that improve the fit of the unused third.
     pub(super) written: SimSettings,
-    /// Cost of that third before, and with those changes.
-    pub(super) held_out: [f64; 2],
+    /// Cost of that third before, with those changes, and of plays of the model that has them.
+    pub(super) held_out: [f64; 3],
 }
 
 /// What a recording says of a setting.
@@ -188,7 +188,7 @@ impl<'a> Search<'a> {
         let mut model = self.model(&self.grown()?, 1.0)?;
         let trials = self.trials(&model, &BTreeSet::new())?;
         let mut found = self.prune(&mut model, &trials)?;
-        self.measure(&model, &mut found)?;
+        self.measure(&model, &mut found, &trials)?;
         let mut verdicts = self.verdicts(&model, &found, &trials);
         let mut written = self.base.clone();
         for one in found.iter().filter(|one| one.is_decided(&verdicts)) {
@@ -198,7 +198,8 @@ impl<'a> Search<'a> {
             written = knob.set(&written, &literal).unwrap_or(written);
         }
         let before = self.cost(&assumed, true);
-        let after = self.cost(&self.model(&written, 1.0)?, true);
+        let fitted = self.model(&written, 1.0)?;
+        let after = self.cost(&fitted, true);
         if after >= before {
             written = self.base.clone();
         }
@@ -212,7 +213,7 @@ impl<'a> Search<'a> {
             model,
             verdicts,
             written,
-            held_out: [before + 0.0, after + 0.0],
+            held_out: [before + 0.0, after + 0.0, self.by_chance(&fitted, true)],
         })
     }
 
@@ -452,13 +453,17 @@ impl<'a> Search<'a> {
         some.map(words).collect()
     }
 
-    /// Cost of a play with another seed.
-    fn cost_of(&self, model: &Model, seen: &[Seen]) -> f64 {
-        let cost = |(at, slot): (usize, usize)| {
+    /// Mean cost of plays of the model itself with other seeds.
+    pub(super) fn by_chance(&self, model: &Model, held_out: bool) -> f64 {
+        let cost = |seen: &Play, (at, slot): (usize, usize)| {
             let (cell, is_real) = (&model.cells[at][slot], self.recordings[at].is_real);
             cell.cost(seen[at][slot].as_ref(), &model.layout, is_real)
         };
-        self.slots(false).map(cost).sum()
+        let costs = model.fresh.iter().map(|play| {
+            let each = self.slots(held_out).map(|at| cost(play, at));
+            each.sum::<f64>()
+        });
+        costs.sum::<f64>() / model.fresh.len() as f64
     }
 
     pub(super) fn cost(&self, model: &Model, held_out: bool) -> f64 {

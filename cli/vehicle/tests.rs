@@ -441,6 +441,11 @@ fn campaign_of_many_changes() {
             findings.held_out,
             begun.elapsed()
         );
+        let truth = search.model(&changed, 1.0).unwrap();
+        for (name, model) in [("found", &findings.model), ("truth", &truth)] {
+            let (cost, chance) = (search.cost(model, false), search.by_chance(model, false));
+            println!("  {name}: cost {cost:.0}, chance {chance:.0}");
+        }
         tally(&search, &findings, &changed, &mut counts);
     }
     println!("{counts:?}");

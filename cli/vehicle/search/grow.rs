@@ -11,6 +11,7 @@ use rigsim_core::settings::SimSettings;
 
 use super::super::model::{Cell, cost};
 use super::super::recording::Recording;
+use super::numbers::FIRST_WIDTH;
 use super::{LUCK, Model, Search, Trial};
 
 /// Number of beginnings of the recordings, searched one after the other.
@@ -146,9 +147,7 @@ impl Search<'_> {
 
     /// Returns whether chance explains the residual.
     fn is_explained(&self, model: &Model) -> bool {
-        let by_chance = model.fresh.iter().map(|play| self.cost_of(model, play));
-        let by_chance = by_chance.sum::<f64>() / model.fresh.len() as f64;
-        self.cost(model, false) < CHANCE * by_chance + self.margin()
+        self.cost(model, false) < CHANCE * self.by_chance(model, false) + self.margin()
     }
 
     fn set(&self, settings: &SimSettings) -> Set {
@@ -215,7 +214,7 @@ impl Search<'_> {
 
     /// First-order saving of each number, if all others adapt when it is taken back.
     fn needs(&self, model: &Model, numbers: &[usize]) -> Result<Vec<f64>, String> {
-        let slopes = self.slopes(model, numbers, &mut vec![0.25; numbers.len()])?;
+        let slopes = self.slopes(model, numbers, &mut vec![FIRST_WIDTH; numbers.len()])?;
         let weights = self.rest(model, &self.vehicle).1;
         let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
         let need = |(at, number): (usize, &usize)| {
@@ -235,7 +234,7 @@ impl Search<'_> {
         trials: impl Iterator<Item = &'t Trial>,
         least: f64,
     ) -> Result<Vec<Promise<'t>>, String> {
-        let slopes = self.slopes(model, numbers, &mut vec![0.25; numbers.len()])?;
+        let slopes = self.slopes(model, numbers, &mut vec![FIRST_WIDTH; numbers.len()])?;
         let (rest, weights) = self.rest(model, &self.vehicle);
         let normal = Self::normal(&slopes, &weights, 0.0).cholesky();
         let before: f64 = rest.iter().map(|rest| cost(*rest)).sum();

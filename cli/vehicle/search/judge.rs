@@ -9,6 +9,7 @@ use rigsim_settings::Basis;
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
 use super::linear::Linear;
+use super::numbers::SMALL_WIDTH;
 use super::{ENOUGH, Found, LUCK, Model, Play, Search, Trial, Verdict};
 
 /// Most changes that are exchanged for others.
@@ -252,12 +253,18 @@ impl Search<'_> {
     }
 
     /// Records the values that were found, and their intervals.
-    pub(super) fn measure(&self, model: &Model, found: &mut [Found]) -> Result<(), String> {
+    pub(super) fn measure(
+        &self,
+        model: &Model,
+        found: &mut [Found],
+        trials: &[Trial],
+    ) -> Result<(), String> {
+        let all = self.linear(model, trials)?;
         let numbers = self.numbers(&model.settings);
         if numbers.is_empty() {
             return Ok(());
         }
-        let slopes = self.slopes(model, &numbers, &mut vec![0.25; numbers.len()])?;
+        let slopes = self.slopes(model, &numbers, &mut vec![SMALL_WIDTH; numbers.len()])?;
         let (rest, weights) = self.rest(model, &self.vehicle);
         let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
         // The residual of each part of the recordings pulls the numbers elsewhere: that is their scatter.
@@ -289,6 +296,7 @@ impl Search<'_> {
             let by_part = by_part.row(at).norm_squared();
             let by_play = by_play.row(at).norm_squared() / by_play.ncols() as f64;
             let variance = by_chance.max(by_part).max(by_play);
+            let by_others = all.variance(one.knob);
             let value = knob.number_in(&model.settings);
             // It may show only in which replies are there, or be hidden by the machine's delays.
             if slopes.column(at).amax() < 4.0 || variance > 0.1 {
@@ -298,7 +306,8 @@ impl Search<'_> {
             // What is left may be due to another change, and its effect as that of this one; chance hides some.
             let [left, by_chance] = one.left;
             let wide = WIDE + (left.max(0.0) + by_chance / 2.0).sqrt();
-            let ends = [-wide, wide].map(|wide| Some(knob.beyond(value, wide * variance.sqrt())));
+            let wide = (wide * variance.sqrt()).max(WIDE * by_others.sqrt());
+            let ends = [-wide, wide].map(|wide| Some(knob.beyond(value, wide)));
             one.number = Some((value, ends));
         }
         Ok(())

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
 
+use super::numbers::FIRST_WIDTH;
 use super::{Model, Search, Trial};
 
 /// What all numbers do around a model.
@@ -21,6 +22,14 @@ impl Linear {
     pub(super) fn own(&self) -> Vec<usize> {
         let all = 0..self.numbers.len();
         all.filter(|at| self.away[*at] != 0.0).collect()
+    }
+
+    /// Variance of a number, in steps, if all others may differ, too.
+    pub(super) fn variance(&self, number: usize) -> f64 {
+        let at = self.numbers.iter().position(|one| *one == number);
+        let inverse = self.normal.clone().try_inverse();
+        at.zip(inverse)
+            .map_or(0.0, |(at, inverse)| inverse[(at, at)])
     }
 
     /// Steps of a set of numbers at its best, from their first values; empty if they are not determined.
@@ -48,7 +57,7 @@ impl Search<'_> {
         let own = self.numbers(&model.settings);
         let numbers: BTreeSet<usize> = touching.map(|one| one.knob).chain(own).collect();
         let numbers = Vec::from_iter(numbers);
-        let slopes = self.slopes(model, &numbers, &mut vec![0.25; numbers.len()])?;
+        let slopes = self.slopes(model, &numbers, &mut vec![FIRST_WIDTH; numbers.len()])?;
         let (rest, weights) = self.rest(model, &self.vehicle);
         let normal = Self::normal(&slopes, &weights, 0.0);
         let away = numbers.iter().map(|at| {

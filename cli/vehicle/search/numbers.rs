@@ -17,7 +17,13 @@ const HOPED: f64 = 3.0;
 /// Damping above which a step is too short to be of use.
 const MOST_DAMPING: f64 = 300.0;
 /// Least effect of a change from which a slope is taken, in standard deviations.
-const WIDTH: f64 = 80.0;
+const WIDTH: f64 = 400.0;
+/// Least change from which a slope is taken, in steps. Tyres slip and stick at other times after any change, however
+/// small, which hides what two changes do together if they nearly cancel one another.
+const LEAST_WIDTH: f64 = 0.2;
+/// The first such change, and a small one, which also shows whether a number acts in jumps only.
+pub(super) const FIRST_WIDTH: f64 = 0.6;
+pub(super) const SMALL_WIDTH: f64 = 0.25;
 /// Weight that holds a number without effect, as if it were known to about two steps.
 const HELD: f64 = 0.25;
 /// Cost above the least, within which the values of a number are as good: 99 % of a chi-square with one degree
@@ -120,7 +126,7 @@ impl Search<'_> {
         Ok(model)
     }
 
-    /// Effect of a step of each number, from a change wide enough to show; updates the widths.
+    /// Effect of a step of each number, from changes to both sides that are wide enough to show; updates the widths.
     pub(super) fn slopes(
         &self,
         model: &Model,
@@ -136,22 +142,29 @@ impl Search<'_> {
                 let steps = knob.steps_between(value, knob.number_in(&settings));
                 (steps != 0.0).then(|| (self.quiet(settings), steps))
             };
-            // A whole number may need a whole step.
-            let change = [*width, -width, 1.0, -1.0].into_iter().find_map(with);
-            changed.push(change.unwrap_or_else(|| (self.quiet(model.settings.clone()), 1.0)));
+            for width in [*width, -*width] {
+                // A whole number may need a whole step.
+                let change = with(width).or_else(|| with(width.signum()));
+                changed.push(change.unwrap_or_else(|| (self.quiet(model.settings.clone()), 0.0)));
+            }
         }
         let jobs: Vec<_> = changed.iter().map(|(settings, _)| (settings, 0)).collect();
         let played = self.play(&jobs, Some(&model.quiet))?;
         let weights = self.rest(model, &self.vehicle).1;
         let mut columns = Vec::new();
-        for ((seen, (_, steps)), width) in played.iter().zip(&changed).zip(widths) {
-            let mut column = self.column(model, &model.quiet, seen);
+        let pairs = played.chunks(2).zip(changed.chunks(2));
+        for ((seen, change), width) in pairs.zip(widths) {
+            let mut column = self.column(model, &seen[1], &seen[0]);
+            let steps = match change[0].1 - change[1].1 {
+                0.0 => 1.0,
+                steps => steps,
+            };
             column.iter_mut().for_each(|change| *change /= steps);
             let squares = column
                 .iter()
                 .zip(&weights)
                 .map(|(slope, w)| slope * slope * w);
-            *width = (WIDTH / squares.sum::<f64>().sqrt()).clamp(0.02, 1.0);
+            *width = (WIDTH / squares.sum::<f64>().sqrt()).clamp(LEAST_WIDTH, 1.0);
             columns.extend(column);
         }
         let rows = weights.len();
