@@ -193,10 +193,9 @@ impl Search<'_> {
         if scale > 1.0 {
             return Ok(all);
         }
-        let costs = self.needs(model, &numbers)?;
+        let linear = self.linear(model, numbers)?;
         for knob in self.changed(&model.settings) {
-            let at = numbers.iter().position(|number| *number == knob);
-            if at.is_some_and(|at| costs[at] > NEEDED) {
+            if linear.need(knob) > NEEDED {
                 continue;
             }
             let default = self.knobs[knob].default_in(&model.settings);
@@ -210,20 +209,6 @@ impl Search<'_> {
             }
         }
         Ok(all)
-    }
-
-    /// First-order saving of each number, if all others adapt when it is taken back.
-    fn needs(&self, model: &Model, numbers: &[usize]) -> Result<Vec<f64>, String> {
-        let slopes = self.slopes(model, numbers, &mut vec![FIRST_WIDTH; numbers.len()])?;
-        let weights = self.rest(model, &self.vehicle).1;
-        let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
-        let need = |(at, number): (usize, &usize)| {
-            let knob = &self.knobs[*number];
-            let [base, now] = [&self.base, &model.settings].map(|one| knob.number_in(one));
-            let variance = covariance.as_ref().map_or(1.0, |all| all[(at, at)]);
-            knob.steps_between(base, now).powi(2) / variance.max(1e-12)
-        };
-        Ok(numbers.iter().enumerate().map(need).collect())
     }
 
     /// The trials that save this much if the numbers adapt, the best first.

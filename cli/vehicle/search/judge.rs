@@ -1,6 +1,7 @@
 //! Which changes are needed, which others explain as much, and the result for each setting.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
@@ -10,7 +11,7 @@ use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
 use super::linear::Linear;
 use super::numbers::SMALL_WIDTH;
-use super::{ENOUGH, Found, LUCK, Model, Play, Search, Trial, Verdict};
+use super::{Costs, ENOUGH, Found, LUCK, Model, Play, Search, Trial, Verdict};
 
 /// Most changes that are exchanged for others.
 const MOST_SWAPS: usize = 8;
@@ -27,6 +28,8 @@ const WITH: &str = " with ";
 const LEFT: f64 = 4.0;
 /// Fraction of a setting's saving that may be left: a setting that stands in for another leaves more.
 const SHARE: f64 = 0.05;
+/// First-order saving above which others hardly explain what a number does. The search for them takes long.
+const STRONG: f64 = 256.0;
 /// Parts of the recordings from which the scatter of numbers is estimated.
 const PARTS: usize = 20;
 
@@ -45,7 +48,7 @@ impl Search<'_> {
     pub(super) fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
         let mut found: Vec<Found> = Vec::new();
         let mut swaps = MOST_SWAPS;
-        let mut linear = self.linear(model, trials)?;
+        let mut linear = self.linear(model, self.acting(model, trials))?;
         let mut costs = self.costs(model)?;
         while let Some(taken_back) = (self.changed(&model.settings).into_iter())
             .find(|at| found.iter().all(|one| one.knob != *at))
@@ -65,7 +68,7 @@ impl Search<'_> {
             if saves < least {
                 found.clear();
                 *model = self.model(&without.settings, 1.0)?;
-                linear = self.linear(model, trials)?;
+                linear = self.linear(model, self.acting(model, trials))?;
                 costs = self.costs(model)?;
                 continue;
             }
@@ -86,11 +89,20 @@ impl Search<'_> {
                     or.push(names.join(WITH));
                 }
             }
+            let is_weak = knob.choices.is_empty() && linear.need(taken_back) < STRONG;
+            if better.is_none() && is_weak {
+                match self.numbers_instead(model, &plain, taken_back, trials, &costs)? {
+                    Some((names, next)) if names.is_empty() => better = Some(next),
+                    Some((names, _)) => or.push(names.join(WITH)),
+                    None => {}
+                }
+                or.extend(self.spread_instead(&without, &costs)?);
+            }
             if let Some(better) = better {
-                swaps -= 1;
+                swaps = swaps.saturating_sub(1);
                 found.clear();
                 *model = self.model(&better.settings, 1.0)?;
-                linear = self.linear(model, trials)?;
+                linear = self.linear(model, self.acting(model, trials))?;
                 costs = self.costs(model)?;
                 continue;
             }
@@ -217,6 +229,54 @@ impl Search<'_> {
         Ok(Some((names.to_vec(), tried)))
     }
 
+    /// The model without a number, with the scatter as it was, and the names of the numbers that explain as much; none
+    /// if those that were found do.
+    fn numbers_instead(
+        &self,
+        model: &Model,
+        plain: &Model,
+        taken_back: usize,
+        trials: &[Trial],
+        costs: &Costs,
+    ) -> Result<Option<(Vec<String>, Model)>, String> {
+        let settings = self.explained_by_others(plain, taken_back, trials)?;
+        let Some(next) = self.moved(model, vec![settings])?.into_iter().next() else {
+            return Ok(None);
+        };
+        let (saves, least) = self.gain(&self.costs(&next)?, costs);
+        let before = self.changed(&model.settings);
+        let mut added = self.changed(&next.settings);
+        added.retain(|at| !before.contains(at));
+        let names = added.iter().map(|at| self.knobs[*at].name()).collect();
+        Ok((saves < least).then_some((names, next)))
+    }
+
+    /// Names of the settings of a spread that explain as much as a removed number: a wider spread has another mean.
+    fn spread_instead(&self, without: &Model, costs: &Costs) -> Result<Vec<String>, String> {
+        let mut names = Vec::new();
+        for knob in self.knobs.iter().filter(|knob| knob.key.contains("spread")) {
+            let moved = INSTEAD
+                .iter()
+                .filter_map(|steps| knob.moved(&without.settings, *steps));
+            for settings in moved {
+                let mut next = self.model(&settings, 1.0)?;
+                // A wide scatter explains everything, so only the means are compared.
+                let cells = next.cells.iter_mut().flatten();
+                for (cell, before) in cells.zip(without.cells.iter().flatten()) {
+                    if cell.form == before.form {
+                        Arc::make_mut(cell).sd.clone_from(&before.sd);
+                    }
+                }
+                let (saves, least) = self.gain(&self.costs(&next)?, costs);
+                if saves < least {
+                    names.push(knob.name());
+                    break;
+                }
+            }
+        }
+        Ok(names)
+    }
+
     /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
     /// leaves.
     fn left(&self, other: &Model, model: &Model) -> [f64; 2] {
@@ -259,11 +319,11 @@ impl Search<'_> {
         found: &mut [Found],
         trials: &[Trial],
     ) -> Result<(), String> {
-        let all = self.linear(model, trials)?;
         let numbers = self.numbers(&model.settings);
         if numbers.is_empty() {
             return Ok(());
         }
+        let all = self.linear(model, self.acting(model, trials))?;
         let slopes = self.slopes(model, &numbers, &mut vec![SMALL_WIDTH; numbers.len()])?;
         let (rest, weights) = self.rest(model, &self.vehicle);
         let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();

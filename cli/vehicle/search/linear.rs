@@ -32,6 +32,33 @@ impl Linear {
             .map_or(0.0, |(at, inverse)| inverse[(at, at)])
     }
 
+    /// First-order saving of a number, if all others adapt when it is taken back; 0 if it is not determined.
+    pub(super) fn need(&self, number: usize) -> f64 {
+        let at = self.numbers.iter().position(|one| *one == number);
+        at.map_or(0.0, |at| match self.variance(number) {
+            0.0 => 0.0,
+            variance => self.away[at].powi(2) / variance,
+        })
+    }
+
+    /// The numbers that are left when each that saves less than this is taken back, the least one first.
+    fn needed(&self, least: f64) -> Vec<usize> {
+        let mut set = Vec::from_iter(0..self.numbers.len());
+        loop {
+            let part = self.normal.select_rows(&set).select_columns(&set);
+            let Some(inverse) = part.try_inverse() else {
+                return set;
+            };
+            let steps = &inverse * self.right.select_rows(&set);
+            let saves = |at: usize| steps[at].powi(2) / inverse[(at, at)];
+            let all = (0..set.len()).map(|at| (saves(at), at));
+            match all.min_by(|one, other| one.0.total_cmp(&other.0)) {
+                Some((saves, at)) if saves < least => drop(set.remove(at)),
+                _ => return set,
+            }
+        }
+    }
+
     /// Steps of a set of numbers at its best, from their first values; empty if they are not determined.
     fn steps(&self, set: &[usize]) -> DVector<f64> {
         let part = self.normal.select_rows(set).select_columns(set).cholesky();
@@ -49,14 +76,18 @@ impl Linear {
 }
 
 impl Search<'_> {
-    /// What the numbers that act do around a model.
-    pub(super) fn linear(&self, model: &Model, trials: &[Trial]) -> Result<Linear, String> {
+    /// Numbers that act, and those of the model.
+    pub(super) fn acting(&self, model: &Model, trials: &[Trial]) -> Vec<usize> {
         let touching = trials
             .iter()
             .filter(|one| one.touches && one.step.is_some());
         let own = self.numbers(&model.settings);
         let numbers: BTreeSet<usize> = touching.map(|one| one.knob).chain(own).collect();
-        let numbers = Vec::from_iter(numbers);
+        Vec::from_iter(numbers)
+    }
+
+    /// What numbers do around a model.
+    pub(super) fn linear(&self, model: &Model, numbers: Vec<usize>) -> Result<Linear, String> {
         let slopes = self.slopes(model, &numbers, &mut vec![FIRST_WIDTH; numbers.len()])?;
         let (rest, weights) = self.rest(model, &self.vehicle);
         let normal = Self::normal(&slopes, &weights, 0.0);
@@ -74,6 +105,23 @@ impl Search<'_> {
             normal,
             right,
         })
+    }
+
+    /// The settings without a number, in which few others explain what it did. All are settled first, since slopes
+    /// hold only near the best.
+    pub(super) fn explained_by_others(
+        &self,
+        plain: &Model,
+        number: usize,
+        trials: &[Trial],
+    ) -> Result<SimSettings, String> {
+        let mut numbers = self.acting(plain, trials);
+        numbers.retain(|at| *at != number);
+        let dense = self.settle(self.model(&plain.settings, 1.0)?, &numbers)?;
+        let linear = self.linear(&dense, numbers)?;
+        let settings = self.with_linear(&linear, &dense.settings, &linear.needed(self.margin()));
+        let numbers = self.numbers(&settings);
+        Ok(self.settle(self.model(&settings, 1.0)?, &numbers)?.settings)
     }
 
     /// The settings with the numbers of a set at their best, and the others at their first values.

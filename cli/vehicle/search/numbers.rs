@@ -16,6 +16,9 @@ const FIRST_STEPS: usize = 2;
 const HOPED: f64 = 3.0;
 /// Damping above which a step is too short to be of use.
 const MOST_DAMPING: f64 = 300.0;
+/// Dampings that are tried in each step, and the cost that a step has to save, by the mean of plays.
+const DAMPINGS: [f64; 4] = [0.0, 0.1, 1.0, 10.0];
+const LEAST_SAVED: f64 = 4.0;
 /// Least effect of a change from which a slope is taken, in standard deviations.
 const WIDTH: f64 = 400.0;
 /// Least change from which a slope is taken, in steps. Tyres slip and stick at other times after any change, however
@@ -213,11 +216,10 @@ impl Search<'_> {
             }
             saved = 0.0;
             while saved <= 0.0 && damping < MOST_DAMPING {
-                let tried = [damping, 30.0 * damping].into_iter().filter_map(|damping| {
-                    let normal = Self::normal(&slopes, &weights, damping).cholesky()?;
-                    Some(self.shifted(&model.settings, numbers, normal.solve(&right).as_slice()))
-                });
-                let all = self.moved(&model, tried.collect())?.into_iter();
+                let dampings = [damping, 30.0 * damping];
+                let all = self
+                    .damped(&model, numbers, &slopes, &weights, &dampings)?
+                    .into_iter();
                 let all = all.map(|next| (self.cost(&next, false), next));
                 let best = all.min_by(|one, other| one.0.total_cmp(&other.0));
                 let Some((cost, next)) = best.filter(|best| best.0 < before) else {
@@ -235,6 +237,52 @@ impl Search<'_> {
             }
         }
         Ok(model)
+    }
+
+    /// Improves all numbers together as `polish` does, by the mean cost of plays with each number a little off. One
+    /// play may be good by luck.
+    pub(super) fn settle(&self, mut model: Model, numbers: &[usize]) -> Result<Model, String> {
+        let cost = |model: &Model| Ok::<f64, String>(self.costs(model)?.each.iter().sum());
+        let mut before = cost(&model)?;
+        for _ in 0..if numbers.is_empty() {
+            0
+        } else {
+            MOST_STEPS / 2
+        } {
+            let slopes = self.slopes(&model, numbers, &mut vec![FIRST_WIDTH; numbers.len()])?;
+            let weights = self.rest(&model, &self.vehicle).1;
+            let all = self
+                .damped(&model, numbers, &slopes, &weights, &DAMPINGS)?
+                .into_iter();
+            let all = all.map(|next| Ok((cost(&next)?, next)));
+            let all: Vec<(f64, Model)> = all.collect::<Result<_, String>>()?;
+            let best = all
+                .into_iter()
+                .min_by(|one, other| one.0.total_cmp(&other.0));
+            match best.filter(|(after, _)| *after < before - LEAST_SAVED) {
+                Some((after, next)) => (before, model) = (after, next),
+                None => break,
+            }
+        }
+        Ok(model)
+    }
+
+    /// The models of steps to the best values by first order, with each damping.
+    fn damped(
+        &self,
+        model: &Model,
+        numbers: &[usize],
+        slopes: &DMatrix<f64>,
+        weights: &[f64],
+        dampings: &[f64],
+    ) -> Result<Vec<Model>, String> {
+        let rest = DVector::from_vec(self.rest(model, &self.vehicle).0);
+        let right = slopes.tr_mul(&rest.component_mul(&DVector::from_column_slice(weights)));
+        let tried = dampings.iter().filter_map(|damping| {
+            let normal = Self::normal(slopes, weights, *damping).cholesky()?;
+            Some(self.shifted(&model.settings, numbers, normal.solve(&right).as_slice()))
+        });
+        self.moved(model, tried.collect())
     }
 
     /// The settings with numbers moved by this many steps.
