@@ -368,6 +368,22 @@ fn replies_of_another_form_and_order_are_counted_by_command() {
 }
 
 #[test]
+fn a_wider_spread_of_reply_times_is_not_taken_for_a_delay() {
+    let change = "r150.reply_spread=\"252us\"".to_owned();
+    let recordings = [drive(&[""], &with(&[change]), 99)];
+    let (search, findings) = search(&recordings, &["r150.reply"]);
+    let claimed = |found: &&super::search::Found| found.is_decided(&findings.verdicts);
+    assert_eq!(findings.found.iter().filter(claimed).count(), 0);
+    let named = findings.found.iter().flat_map(|found| &found.or);
+    assert!(
+        named.clone().any(|or| or == "r150.reply_spread"),
+        "{:?}",
+        Vec::from_iter(named)
+    );
+    assert_eq!(search.base, findings.written);
+}
+
+#[test]
 fn the_file_keeps_what_its_file_had_and_the_decided_parts_of_a_version() {
     for version in ["\"40.0.0.0\"", "\"1.0.0.1\""] {
         let changes = [format!("r150.hardware_version={version}")];

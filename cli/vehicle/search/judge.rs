@@ -46,77 +46,74 @@ impl Search<'_> {
     /// Takes back changes that the others explain as well, exchanges those for which another explains more, and
     /// records those that explain as much. The numbers of the others are at their best each time.
     pub(super) fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
-        let mut found: Vec<Found> = Vec::new();
         let mut swaps = MOST_SWAPS;
-        let mut linear = self.linear(model, self.acting(model, trials))?;
-        let mut costs = self.costs(model)?;
-        while let Some(taken_back) = (self.changed(&model.settings).into_iter())
-            .find(|at| found.iter().all(|one| one.knob != *at))
-        {
-            let knob = &self.knobs[taken_back];
-            let default = knob.default_in(&model.settings);
-            let Some(settings) = knob.set(&model.settings, &default) else {
-                break;
-            };
-            let others = self.numbers(&settings);
-            let moved = self.moved(model, vec![settings])?;
-            let Some(plain) = moved.into_iter().next() else {
-                break;
-            };
-            let without = self.polish(plain.clone(), &others, f64::INFINITY)?;
-            let (saves, least) = self.gain(&self.costs(&without)?, &costs);
-            if saves < least {
-                found.clear();
-                *model = self.model(&without.settings, 1.0)?;
-                linear = self.linear(model, self.acting(model, trials))?;
-                costs = self.costs(model)?;
-                continue;
-            }
-            let literal = knob.literal_in(&model.settings);
-            let mut all = self.instead(&plain, taken_back, &literal, trials)?;
-            all.extend(self.two_instead(model, &linear, taken_back)?);
-            let mut or = Vec::new();
-            let mut better: Option<Model> = None;
-            for (names, tried) in all {
-                let numbers = self.numbers(&tried.settings);
-                let goal = self.cost(model, false) + self.margin() + LUCK;
-                let tried = self.polish(tried, &numbers, goal)?;
-                let by_tried = self.costs(&tried)?;
-                let (saves, least) = self.gain(&costs, &by_tried);
-                if saves > least.max(self.margin() * names.len() as f64) && swaps > 0 {
-                    better = Some(tried);
-                } else if self.gain(&by_tried, &costs).0 < least {
-                    or.push(names.join(WITH));
+        'model: loop {
+            let mut found: Vec<Found> = Vec::new();
+            let linear = self.linear(model, self.acting(model, trials))?;
+            let costs = self.costs(model)?;
+            for taken_back in self.changed(&model.settings) {
+                let knob = &self.knobs[taken_back];
+                let default = knob.default_in(&model.settings);
+                let Some(settings) = knob.set(&model.settings, &default) else {
+                    return Ok(found);
+                };
+                let others = self.numbers(&settings);
+                let moved = self.moved(model, vec![settings])?;
+                let Some(plain) = moved.into_iter().next() else {
+                    return Ok(found);
+                };
+                let without = self.polish(plain.clone(), &others, f64::INFINITY)?;
+                let (saves, least) = self.gain(&self.costs(&without)?, &costs);
+                if saves < least {
+                    *model = self.model(&without.settings, 1.0)?;
+                    continue 'model;
                 }
-            }
-            let is_weak = knob.choices.is_empty() && linear.need(taken_back) < STRONG;
-            if better.is_none() && is_weak {
-                match self.numbers_instead(model, &plain, taken_back, trials, &costs)? {
-                    Some((names, next)) if names.is_empty() => better = Some(next),
-                    Some((names, _)) => or.push(names.join(WITH)),
-                    None => {}
+                let literal = knob.literal_in(&model.settings);
+                let mut all = self.instead(&plain, taken_back, &literal, trials)?;
+                all.extend(self.two_instead(model, &linear, taken_back)?);
+                let mut or = Vec::new();
+                let mut better: Option<Model> = None;
+                for (names, tried) in all {
+                    let numbers = self.numbers(&tried.settings);
+                    let goal = self.cost(model, false) + self.margin() + LUCK;
+                    let tried = self.polish(tried, &numbers, goal)?;
+                    let by_tried = self.costs(&tried)?;
+                    let (saves, least) = self.gain(&costs, &by_tried);
+                    if saves > least.max(self.margin() * names.len() as f64) && swaps > 0 {
+                        better = Some(tried);
+                    } else if self.gain(&by_tried, &costs).0 < least {
+                        or.push(names.join(WITH));
+                    }
                 }
-                or.extend(self.spread_instead(&without, &costs)?);
+                if let Some(better) = better {
+                    swaps -= 1;
+                    *model = self.model(&better.settings, 1.0)?;
+                    continue 'model;
+                }
+                if knob.choices.is_empty() && linear.need(taken_back) < STRONG {
+                    let instead =
+                        self.numbers_instead(model, &plain, taken_back, trials, &costs)?;
+                    if let Some((names, next)) = instead {
+                        if names.is_empty() {
+                            *model = self.model(&next.settings, 1.0)?;
+                            continue 'model;
+                        }
+                        or.push(names.join(WITH));
+                    }
+                    or.extend(self.spread_instead(&without, &costs)?);
+                }
+                found.push(Found {
+                    knob: taken_back,
+                    literal,
+                    number: None,
+                    or,
+                    saves,
+                    left: self.left(&without, model),
+                    shown_by: self.shows(&without, model),
+                });
             }
-            if let Some(better) = better {
-                swaps = swaps.saturating_sub(1);
-                found.clear();
-                *model = self.model(&better.settings, 1.0)?;
-                linear = self.linear(model, self.acting(model, trials))?;
-                costs = self.costs(model)?;
-                continue;
-            }
-            found.push(Found {
-                knob: taken_back,
-                literal,
-                number: None,
-                or,
-                saves,
-                left: self.left(&without, model),
-                shown_by: self.shows(&without, model),
-            });
+            return Ok(found);
         }
-        Ok(found)
     }
 
     /// Models with another setting instead of the removed one, the best first, and with two; and their names. The
@@ -229,8 +226,8 @@ impl Search<'_> {
         Ok(Some((names.to_vec(), tried)))
     }
 
-    /// The model without a number, with the scatter as it was, and the names of the numbers that explain as much; none
-    /// if those that were found do.
+    /// The names of numbers that explain as much as a removed one, and the model with them. No names if those that were
+    /// found do, `None` if nothing does.
     fn numbers_instead(
         &self,
         model: &Model,
@@ -240,6 +237,7 @@ impl Search<'_> {
         costs: &Costs,
     ) -> Result<Option<(Vec<String>, Model)>, String> {
         let settings = self.explained_by_others(plain, taken_back, trials)?;
+        // With the scatter of the model as it is, so that costs can be compared.
         let Some(next) = self.moved(model, vec![settings])?.into_iter().next() else {
             return Ok(None);
         };
@@ -356,7 +354,7 @@ impl Search<'_> {
             let by_part = by_part.row(at).norm_squared();
             let by_play = by_play.row(at).norm_squared() / by_play.ncols() as f64;
             let variance = by_chance.max(by_part).max(by_play);
-            let by_others = all.variance(one.knob);
+            let by_others = all.variance(one.knob).unwrap_or(0.0);
             let value = knob.number_in(&model.settings);
             // It may show only in which replies are there, or be hidden by the machine's delays.
             if slopes.column(at).amax() < 4.0 || variance > 0.1 {

@@ -14,6 +14,8 @@ pub(super) struct Linear {
     /// Steps of each from its first value.
     away: DVector<f64>,
     normal: DMatrix<f64>,
+    /// `None` if they are not determined.
+    covariance: Option<DMatrix<f64>>,
     right: DVector<f64>,
 }
 
@@ -24,21 +26,17 @@ impl Linear {
         all.filter(|at| self.away[*at] != 0.0).collect()
     }
 
-    /// Variance of a number, in steps, if all others may differ, too.
-    pub(super) fn variance(&self, number: usize) -> f64 {
-        let at = self.numbers.iter().position(|one| *one == number);
-        let inverse = self.normal.clone().try_inverse();
-        at.zip(inverse)
-            .map_or(0.0, |(at, inverse)| inverse[(at, at)])
+    /// Variance of a number, in steps, if all others may differ, too; `None` if it is not determined.
+    pub(super) fn variance(&self, number: usize) -> Option<f64> {
+        let at = self.numbers.iter().position(|one| *one == number)?;
+        Some(self.covariance.as_ref()?[(at, at)])
     }
 
     /// First-order saving of a number, if all others adapt when it is taken back; 0 if it is not determined.
     pub(super) fn need(&self, number: usize) -> f64 {
         let at = self.numbers.iter().position(|one| *one == number);
-        at.map_or(0.0, |at| match self.variance(number) {
-            0.0 => 0.0,
-            variance => self.away[at].powi(2) / variance,
-        })
+        let need = at.zip(self.variance(number));
+        need.map_or(0.0, |(at, variance)| self.away[at].powi(2) / variance)
     }
 
     /// The numbers that are left when each that saves less than this is taken back, the least one first.
@@ -102,6 +100,7 @@ impl Search<'_> {
         Ok(Linear {
             numbers,
             away,
+            covariance: normal.clone().try_inverse(),
             normal,
             right,
         })

@@ -242,13 +242,12 @@ impl Search<'_> {
     /// Improves all numbers together as `polish` does, by the mean cost of plays with each number a little off. One
     /// play may be good by luck.
     pub(super) fn settle(&self, mut model: Model, numbers: &[usize]) -> Result<Model, String> {
+        if numbers.is_empty() {
+            return Ok(model);
+        }
         let cost = |model: &Model| Ok::<f64, String>(self.costs(model)?.each.iter().sum());
         let mut before = cost(&model)?;
-        for _ in 0..if numbers.is_empty() {
-            0
-        } else {
-            MOST_STEPS / 2
-        } {
+        for _ in 0..MOST_STEPS / 2 {
             let slopes = self.slopes(&model, numbers, &mut vec![FIRST_WIDTH; numbers.len()])?;
             let weights = self.rest(&model, &self.vehicle).1;
             let all = self
