@@ -98,7 +98,10 @@ impl Search<'_> {
                             *model = self.model(&next.settings, 1.0)?;
                             continue 'model;
                         }
-                        or.push(names.join(WITH));
+                        let names = names.join(WITH);
+                        if !or.contains(&names) {
+                            or.push(names);
+                        }
                     }
                     or.extend(self.spread_instead(&without, &costs)?);
                 }
