@@ -78,7 +78,7 @@ pub(super) struct Costs {
 }
 
 /// A changed value of a setting, and its effect on the model without noise.
-struct Trial {
+pub(super) struct Trial {
     knob: usize,
     literal: String,
     /// By how much a number differs.
@@ -98,6 +98,8 @@ pub(super) struct Found {
     pub(super) number: Option<(f64, [Option<f64>; 2])>,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
+    /// All settings of the models with those instead of it.
+    pub(super) as_good: Vec<SimSettings>,
     /// Cost that it saves, with the others at their best values.
     saves: f64,
     /// Residual of all that it changes, beyond chance, and the most that chance leaves.

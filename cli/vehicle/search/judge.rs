@@ -9,6 +9,7 @@ use rigsim_settings::Basis;
 
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
+use super::grow::NEEDED;
 use super::linear::Linear;
 use super::numbers::SMALL_WIDTH;
 use super::{Costs, ENOUGH, Found, LUCK, Model, Play, Search, Trial, Verdict};
@@ -28,8 +29,8 @@ const WITH: &str = " with ";
 const LEFT: f64 = 4.0;
 /// Fraction of a setting's saving that may be left: a setting that stands in for another leaves more.
 const SHARE: f64 = 0.05;
-/// First-order saving above which others hardly explain what a number does. The search for them takes long.
-const STRONG: f64 = 256.0;
+/// Variance, in steps, above which a number is not determined by its slope.
+const DETERMINED: f64 = 0.1;
 /// Parts of the recordings from which the scatter of numbers is estimated.
 const PARTS: usize = 20;
 
@@ -71,7 +72,7 @@ impl Search<'_> {
                 let literal = knob.literal_in(&model.settings);
                 let mut all = self.instead(&plain, taken_back, &literal, trials)?;
                 all.extend(self.two_instead(model, &linear, taken_back)?);
-                let mut or = Vec::new();
+                let (mut or, mut as_good) = (Vec::new(), Vec::new());
                 let mut better: Option<Model> = None;
                 for (names, tried) in all {
                     let numbers = self.numbers(&tried.settings);
@@ -83,6 +84,7 @@ impl Search<'_> {
                         better = Some(tried);
                     } else if self.gain(&by_tried, &costs).0 < least {
                         or.push(names.join(WITH));
+                        as_good.push(self.with_needed(&tried, numbers)?);
                     }
                 }
                 if let Some(better) = better {
@@ -90,7 +92,7 @@ impl Search<'_> {
                     *model = self.model(&better.settings, 1.0)?;
                     continue 'model;
                 }
-                if knob.choices.is_empty() && linear.need(taken_back) < STRONG {
+                if knob.choices.is_empty() && linear.need(taken_back) < NEEDED {
                     let instead =
                         self.numbers_instead(model, &plain, taken_back, trials, &costs)?;
                     if let Some((names, next)) = instead {
@@ -98,6 +100,7 @@ impl Search<'_> {
                             *model = self.model(&next.settings, 1.0)?;
                             continue 'model;
                         }
+                        as_good.push(next.settings);
                         let names = names.join(WITH);
                         if !or.contains(&names) {
                             or.push(names);
@@ -110,6 +113,7 @@ impl Search<'_> {
                     literal,
                     number: None,
                     or,
+                    as_good,
                     saves,
                     left: self.left(&without, model),
                     shown_by: self.shows(&without, model),
@@ -314,7 +318,7 @@ impl Search<'_> {
     }
 
     /// Records the values that were found, and their intervals.
-    pub(super) fn measure(
+    pub(in super::super) fn measure(
         &self,
         model: &Model,
         found: &mut [Found],
@@ -348,7 +352,8 @@ impl Search<'_> {
             let pulls = DMatrix::from_columns(&pulls);
             covariance.as_ref().map_or(0.0 * &pulls, |all| all * pulls)
         });
-        for one in found {
+        for place in 0..found.len() {
+            let one = &found[place];
             let knob = &self.knobs[one.knob];
             let Some(at) = numbers.iter().position(|number| *number == one.knob) else {
                 continue;
@@ -357,19 +362,35 @@ impl Search<'_> {
             let by_part = by_part.row(at).norm_squared();
             let by_play = by_play.row(at).norm_squared() / by_play.ncols() as f64;
             let variance = by_chance.max(by_part).max(by_play);
-            let by_others = all.variance(one.knob).unwrap_or(0.0);
             let value = knob.number_in(&model.settings);
             // It may show only in which replies are there, or be hidden by the machine's delays.
-            if slopes.column(at).amax() < 4.0 || variance > 0.1 {
-                one.number = Some((value, self.ends(model, knob)?));
-                continue;
-            }
+            let has_slope = slopes.column(at).amax() >= 4.0 && variance <= DETERMINED;
+            let ends = match has_slope {
+                true => [Some(value); 2],
+                false => self.ends(model, knob)?,
+            };
             // What is left may be due to another change, and its effect as that of this one; chance hides some.
             let [left, by_chance] = one.left;
             let wide = WIDE + (left.max(0.0) + by_chance / 2.0).sqrt();
-            let wide = (wide * variance.sqrt()).max(WIDE * by_others.sqrt());
-            let ends = [-wide, wide].map(|wide| Some(knob.beyond(value, wide)));
-            one.number = Some((value, ends));
+            let by_others = all.variance(one.knob).unwrap_or(0.0);
+            let wide = [(wide, variance), (WIDE, by_others)]
+                .into_iter()
+                .filter(|(_, variance)| has_slope || *variance <= DETERMINED)
+                .map(|(wide, variance)| wide * variance.sqrt())
+                .fold(0.0, f64::max);
+            // Other changes may not be the true ones. Then this number is what it is in the models with those instead.
+            let others = found.iter().filter(|other| other.knob != one.knob);
+            let (mut least, mut most) = (0.0, 0.0);
+            for other in others {
+                let all = other.as_good.iter();
+                let steps = all.map(|all| knob.steps_between(value, knob.number_in(all)));
+                least += steps.clone().fold(0.0, f64::min);
+                most += steps.fold(0.0, f64::max);
+            }
+            let [low, high] = ends;
+            let low = low.map(|low| knob.beyond(low.min(knob.beyond(value, -wide)), least));
+            let high = high.map(|high| knob.beyond(high.max(knob.beyond(value, wide)), most));
+            found[place].number = Some((value, [low, high]));
         }
         Ok(())
     }
