@@ -23,6 +23,8 @@ mod judge;
 mod linear;
 mod numbers;
 
+pub(super) use judge::shifts;
+
 /// Plays with different seeds, from which the model's scatter is estimated.
 const SEEDS: u64 = 6;
 /// Further plays, which show the cost of a perfect model.
@@ -78,7 +80,7 @@ pub(super) struct Costs {
 }
 
 /// A changed value of a setting, and its effect on the model without noise.
-pub(super) struct Trial {
+struct Trial {
     knob: usize,
     literal: String,
     /// By how much a number differs.
@@ -98,8 +100,8 @@ pub(super) struct Found {
     pub(super) number: Option<(f64, [Option<f64>; 2])>,
     /// Settings that explain the recording as well.
     pub(super) or: Vec<String>,
-    /// All settings of the models with those instead of it.
-    pub(super) as_good: Vec<SimSettings>,
+    /// The settings of each model with one of those instead of it.
+    as_good: Vec<SimSettings>,
     /// Cost that it saves, with the others at their best values.
     saves: f64,
     /// Residual of all that it changes, beyond chance, and the most that chance leaves.

@@ -14,7 +14,7 @@ use super::plan::{manoeuvres, parts, touching};
 use super::poses::{APART, Track};
 use super::recording::Recording;
 use super::report::{FieldRow, Report};
-use super::search::{Findings, Search, Verdict};
+use super::search::{Findings, Search, Verdict, shifts};
 use super::{header, plan_of};
 
 fn with(changes: &[String]) -> SimSettings {
@@ -389,30 +389,30 @@ fn a_wider_spread_of_reply_times_is_not_taken_for_a_delay() {
 }
 
 #[test]
-fn an_interval_has_what_a_number_is_where_another_change_is_the_true_one() {
-    let changes = ["reply_delay=\"13ms\"", "motor.ramp_up=\"630ms\""];
-    let changes = changes.map(|change| format!("r150.{change}"));
-    let recordings = [drive(&["steps ahead"], &with(&changes), 99)];
-    let only = ["r150.reply_delay", "r150.motor.ramp_up"];
-    let (
-        search,
-        Findings {
-            mut found, model, ..
-        },
-    ) = search(&recordings, &only);
-    assert_eq!(found.len(), 2);
-    // With the ramp as assumed, something else would also explain a delay of 11 ms or of 14 ms.
-    for (delay, ends) in [(0.011, [0.011, 0.013]), (0.014, [0.011, 0.014])] {
-        let settings = with(&[format!("r150.reply_delay=\"{delay} s\"")]);
-        found[1].as_good.push(settings);
-        search.measure(&model, &mut found, &[]).unwrap();
-        let [low, high] = found[0].number.unwrap().1.map(Option::unwrap);
-        let is_near = |end: f64, of: f64| (end / of - 1.0).abs() < 0.01;
+fn an_interval_includes_the_values_in_models_that_are_as_good() {
+    let all = Knob::all(&with(&[]), "r150", &[]);
+    let knob = all.iter().find(|knob| knob.key == "r150.reply_delay");
+    let knob = knob.unwrap();
+    let with_delay = |ms: f64| with(&[format!("r150.reply_delay=\"{ms}ms\"")]);
+    let moves = |models: &[&[f64]]| {
+        let models = models.iter();
+        let models = models.map(|one| one.iter().map(|ms| with_delay(*ms)).collect());
+        let models: Vec<Vec<_>> = models.collect();
+        let moves = shifts(knob, 0.01, models.iter().map(|one| &**one));
+        moves.map(|steps| 1000.0 * knob.beyond(0.01, steps))
+    };
+    for (models, [low, high]) in [
+        (&[&[][..], &[10.0]][..], [10.0, 10.0]),
+        (&[&[8.0, 9.0]], [8.0, 10.0]),
+        (&[&[8.0, 12.5]], [8.0, 12.5]),
+        // Of each change that may be another, and so of all.
+        (&[&[8.0], &[12.5], &[5.0, 20.0]], [3.0, 22.5]),
+    ] {
+        let [least, most] = moves(models);
         assert!(
-            is_near(low, ends[0]) && is_near(high, ends[1]),
-            "{low} {high}"
+            (least - low).abs() < 1e-6 && (most - high).abs() < 1e-6,
+            "{least} {most}"
         );
-        assert!(low < ends[0] && high > ends[1], "{low} {high}");
     }
 }
 

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 
+use super::super::knob::Knob;
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
 use super::grow::NEEDED;
@@ -29,8 +30,10 @@ const WITH: &str = " with ";
 const LEFT: f64 = 4.0;
 /// Fraction of a setting's saving that may be left: a setting that stands in for another leaves more.
 const SHARE: f64 = 0.05;
-/// Variance, in steps, above which a number is not determined by its slope.
-const DETERMINED: f64 = 0.1;
+/// Greatest variance of a number that is determined by its slope, in steps squared.
+const MOST_VARIANCE: f64 = 0.1;
+/// Least effect of a step on a reply that is a slope, in standard deviations.
+const STEEP: f64 = 4.0;
 /// Parts of the recordings from which the scatter of numbers is estimated.
 const PARTS: usize = 20;
 
@@ -84,7 +87,7 @@ impl Search<'_> {
                         better = Some(tried);
                     } else if self.gain(&by_tried, &costs).0 < least {
                         or.push(names.join(WITH));
-                        as_good.push(self.with_needed(&tried, numbers)?);
+                        as_good.push(tried.settings);
                     }
                 }
                 if let Some(better) = better {
@@ -106,7 +109,11 @@ impl Search<'_> {
                             or.push(names);
                         }
                     }
-                    or.extend(self.spread_instead(&without, &costs)?);
+                    let spreads = self.spread_instead(&without, &costs)?;
+                    if !spreads.is_empty() {
+                        as_good.push(without.settings.clone());
+                    }
+                    or.extend(spreads);
                 }
                 found.push(Found {
                     knob: taken_back,
@@ -318,7 +325,7 @@ impl Search<'_> {
     }
 
     /// Records the values that were found, and their intervals.
-    pub(in super::super) fn measure(
+    pub(super) fn measure(
         &self,
         model: &Model,
         found: &mut [Found],
@@ -328,7 +335,7 @@ impl Search<'_> {
         if numbers.is_empty() {
             return Ok(());
         }
-        let all = self.linear(model, self.acting(model, trials))?;
+        let linear = self.linear(model, self.acting(model, trials))?;
         let slopes = self.slopes(model, &numbers, &mut vec![SMALL_WIDTH; numbers.len()])?;
         let (rest, weights) = self.rest(model, &self.vehicle);
         let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
@@ -352,10 +359,11 @@ impl Search<'_> {
             let pulls = DMatrix::from_columns(&pulls);
             covariance.as_ref().map_or(0.0 * &pulls, |all| all * pulls)
         });
-        for place in 0..found.len() {
-            let one = &found[place];
+        let mut all = Vec::new();
+        for one in &*found {
             let knob = &self.knobs[one.knob];
             let Some(at) = numbers.iter().position(|number| *number == one.knob) else {
+                all.push(None);
                 continue;
             };
             let by_chance = covariance.as_ref().map_or(0.0, |all| all[(at, at)]);
@@ -363,34 +371,32 @@ impl Search<'_> {
             let by_play = by_play.row(at).norm_squared() / by_play.ncols() as f64;
             let variance = by_chance.max(by_part).max(by_play);
             let value = knob.number_in(&model.settings);
-            // It may show only in which replies are there, or be hidden by the machine's delays.
-            let has_slope = slopes.column(at).amax() >= 4.0 && variance <= DETERMINED;
-            let ends = match has_slope {
-                true => [Some(value); 2],
-                false => self.ends(model, knob)?,
-            };
             // What is left may be due to another change, and its effect as that of this one; chance hides some.
             let [left, by_chance] = one.left;
             let wide = WIDE + (left.max(0.0) + by_chance / 2.0).sqrt();
-            let by_others = all.variance(one.knob).unwrap_or(0.0);
-            let wide = [(wide, variance), (WIDE, by_others)]
-                .into_iter()
-                .filter(|(_, variance)| has_slope || *variance <= DETERMINED)
-                .map(|(wide, variance)| wide * variance.sqrt())
-                .fold(0.0, f64::max);
-            // Other changes may not be the true ones. Then this number is what it is in the models with those instead.
+            let (by_itself, by_others) = match variance <= MOST_VARIANCE {
+                true => {
+                    let by_others = linear.variance(one.knob).unwrap_or(0.0);
+                    (wide * variance.sqrt(), WIDE * by_others.sqrt())
+                }
+                false => (0.0, 0.0),
+            };
+            // Without a steep slope, it may show only in which replies are there, or be hidden by the machine's delays.
+            let has_slope = slopes.column(at).amax() >= STEEP && variance <= MOST_VARIANCE;
+            let [low, high] = match has_slope {
+                true => [Some(value); 2],
+                false => self.ends(model, knob)?,
+            };
             let others = found.iter().filter(|other| other.knob != one.knob);
-            let (mut least, mut most) = (0.0, 0.0);
-            for other in others {
-                let all = other.as_good.iter();
-                let steps = all.map(|all| knob.steps_between(value, knob.number_in(all)));
-                least += steps.clone().fold(0.0, f64::min);
-                most += steps.fold(0.0, f64::max);
-            }
-            let [low, high] = ends;
-            let low = low.map(|low| knob.beyond(low.min(knob.beyond(value, -wide)), least));
-            let high = high.map(|high| knob.beyond(high.max(knob.beyond(value, wide)), most));
-            found[place].number = Some((value, [low, high]));
+            let [least, most] = shifts(knob, value, others.map(|other| &*other.as_good));
+            let low = low.map(|low| low.min(knob.beyond(value, -by_itself)));
+            let high = high.map(|high| high.max(knob.beyond(value, by_itself)));
+            let low = low.map(|low| knob.beyond(low, least).min(knob.beyond(value, -by_others)));
+            let high = high.map(|high| knob.beyond(high, most).max(knob.beyond(value, by_others)));
+            all.push(Some((value, [low, high])));
+        }
+        for (one, number) in found.iter_mut().zip(all) {
+            one.number = number;
         }
         Ok(())
     }
@@ -436,4 +442,19 @@ impl Search<'_> {
         };
         (0..self.knobs.len()).map(verdict).collect()
     }
+}
+
+/// How far down and up a number has to move, in steps, where another change stands for any of the found ones. Each has
+/// its models with others instead. Several may be wrong at once, so the greatest moves are added.
+pub(in super::super) fn shifts<'a>(
+    knob: &Knob,
+    value: f64,
+    found: impl Iterator<Item = &'a [SimSettings]>,
+) -> [f64; 2] {
+    found.fold([0.0; 2], |[least, most], models| {
+        let numbers = models.iter().map(|one| knob.number_in(one));
+        let steps = numbers.map(|number| knob.steps_between(value, number));
+        let [low, high] = [f64::min, f64::max].map(|end| steps.clone().fold(0.0, end));
+        [least + low, most + high]
+    })
 }

@@ -117,19 +117,10 @@ impl Search<'_> {
         let mut numbers = self.acting(plain, trials);
         numbers.retain(|at| *at != number);
         let dense = self.settle(self.model(&plain.settings, 1.0)?, &numbers)?;
-        let settings = self.with_needed(&dense, numbers)?;
+        let linear = self.linear(&dense, numbers)?;
+        let settings = self.with_linear(&linear, &dense.settings, &linear.needed(self.margin()));
         let numbers = self.numbers(&settings);
         Ok(self.settle(self.model(&settings, 1.0)?, &numbers)?.settings)
-    }
-
-    /// The settings with those of these numbers that are needed, at their best by first order.
-    pub(super) fn with_needed(
-        &self,
-        model: &Model,
-        numbers: Vec<usize>,
-    ) -> Result<SimSettings, String> {
-        let linear = self.linear(model, numbers)?;
-        Ok(self.with_linear(&linear, &model.settings, &linear.needed(self.margin())))
     }
 
     /// The settings with the numbers of a set at their best, and the others at their first values.
