@@ -23,6 +23,7 @@ mod judge;
 mod linear;
 mod numbers;
 
+#[cfg(test)]
 pub(super) use judge::shifts;
 
 /// Plays with different seeds, from which the model's scatter is estimated.
