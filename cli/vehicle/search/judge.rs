@@ -24,6 +24,8 @@ const INSTEAD: [f64; 6] = [-5.5, -2.0, -0.7, 0.7, 2.0, 5.5];
 const MOST_INSTEAD: usize = 2;
 /// How many of them are tried by two.
 const MOST_PAIRED: usize = 6;
+/// Most numbers that are named instead of one. More of them explain almost anything.
+const MOST_OTHERS: usize = 3;
 /// Word between two settings that explain together as much as one.
 const WITH: &str = " with ";
 /// Residual of what a setting changes that is allowed, in standard deviations of chance.
@@ -260,7 +262,8 @@ impl Search<'_> {
         let mut added = self.changed(&next.settings);
         added.retain(|at| !before.contains(at));
         let names = added.iter().map(|at| self.knobs[*at].name()).collect();
-        Ok((saves < least).then_some((names, next)))
+        let is_as_good = saves < least && added.len() <= MOST_OTHERS;
+        Ok(is_as_good.then_some((names, next)))
     }
 
     /// Names of the settings of a spread that explain as much as a removed number: a wider spread has another mean.
