@@ -189,6 +189,21 @@ impl Knob {
         }
     }
 
+    /// How far down and up its number has to move, in steps, to have its values in groups of settings. All groups may
+    /// hold at once, so the greatest moves of each are added.
+    pub(super) fn moves<'a>(
+        &self,
+        number: f64,
+        groups: impl Iterator<Item = &'a [SimSettings]>,
+    ) -> [f64; 2] {
+        groups.fold([0.0; 2], |[least, most], group| {
+            let numbers = group.iter().map(|one| self.number_in(one));
+            let steps = numbers.map(|other| self.steps_between(number, other));
+            let [low, high] = [f64::min, f64::max].map(|end| steps.clone().fold(0.0, end));
+            [least + low, most + high]
+        })
+    }
+
     /// The settings with this number moved by this many steps, or as far as is allowed.
     pub(super) fn moved(&self, settings: &SimSettings, steps: f64) -> Option<SimSettings> {
         let number = self.number_in(settings);

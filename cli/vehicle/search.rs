@@ -23,9 +23,6 @@ mod judge;
 mod linear;
 mod numbers;
 
-#[cfg(test)]
-pub(super) use judge::shifts;
-
 /// Plays with different seeds, from which the model's scatter is estimated.
 const SEEDS: u64 = 6;
 /// Further plays, which show the cost of a perfect model.

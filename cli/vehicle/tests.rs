@@ -14,7 +14,7 @@ use super::plan::{manoeuvres, parts, touching};
 use super::poses::{APART, Track};
 use super::recording::Recording;
 use super::report::{FieldRow, Report};
-use super::search::{Findings, Search, Verdict, shifts};
+use super::search::{Findings, Search, Verdict};
 use super::{header, plan_of};
 
 fn with(changes: &[String]) -> SimSettings {
@@ -398,7 +398,7 @@ fn an_interval_includes_the_values_in_models_that_are_as_good() {
         let models = models.iter();
         let models = models.map(|one| one.iter().map(|ms| with_delay(*ms)).collect());
         let models: Vec<Vec<_>> = models.collect();
-        let moves = shifts(knob, 0.01, models.iter().map(|one| &**one));
+        let moves = knob.moves(0.01, models.iter().map(|one| &**one));
         moves.map(|steps| 1000.0 * knob.beyond(0.01, steps))
     };
     for (models, [low, high]) in [

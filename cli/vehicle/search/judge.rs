@@ -7,7 +7,6 @@ use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 
-use super::super::knob::Knob;
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
 use super::grow::NEEDED;
@@ -377,21 +376,23 @@ impl Search<'_> {
             // What is left may be due to another change, and its effect as that of this one; chance hides some.
             let [left, by_chance] = one.left;
             let wide = WIDE + (left.max(0.0) + by_chance / 2.0).sqrt();
-            let (by_itself, by_others) = match variance <= MOST_VARIANCE {
+            let is_determined = variance <= MOST_VARIANCE;
+            let [by_itself, by_others] = match is_determined {
                 true => {
                     let by_others = linear.variance(one.knob).unwrap_or(0.0);
-                    (wide * variance.sqrt(), WIDE * by_others.sqrt())
+                    [wide * variance.sqrt(), WIDE * by_others.sqrt()]
                 }
-                false => (0.0, 0.0),
+                false => [0.0; 2],
             };
             // Without a steep slope, it may show only in which replies are there, or be hidden by the machine's delays.
-            let has_slope = slopes.column(at).amax() >= STEEP && variance <= MOST_VARIANCE;
+            let has_slope = is_determined && slopes.column(at).amax() >= STEEP;
             let [low, high] = match has_slope {
                 true => [Some(value); 2],
                 false => self.ends(model, knob)?,
             };
+            // With another change instead of a found one, it has another value.
             let others = found.iter().filter(|other| other.knob != one.knob);
-            let [least, most] = shifts(knob, value, others.map(|other| &*other.as_good));
+            let [least, most] = knob.moves(value, others.map(|other| &*other.as_good));
             let low = low.map(|low| low.min(knob.beyond(value, -by_itself)));
             let high = high.map(|high| high.max(knob.beyond(value, by_itself)));
             let low = low.map(|low| knob.beyond(low, least).min(knob.beyond(value, -by_others)));
@@ -445,19 +446,4 @@ impl Search<'_> {
         };
         (0..self.knobs.len()).map(verdict).collect()
     }
-}
-
-/// How far down and up a number has to move, in steps, where another change stands for any of the found ones. Each has
-/// its models with others instead. Several may be wrong at once, so the greatest moves are added.
-pub(in super::super) fn shifts<'a>(
-    knob: &Knob,
-    value: f64,
-    found: impl Iterator<Item = &'a [SimSettings]>,
-) -> [f64; 2] {
-    found.fold([0.0; 2], |[least, most], models| {
-        let numbers = models.iter().map(|one| knob.number_in(one));
-        let steps = numbers.map(|number| knob.steps_between(value, number));
-        let [low, high] = [f64::min, f64::max].map(|end| steps.clone().fold(0.0, end));
-        [least + low, most + high]
-    })
 }
