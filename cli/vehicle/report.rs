@@ -101,6 +101,8 @@ pub(super) struct SettingRow {
     pub(super) found: Option<String>,
     /// Set if it is unambiguous, and improves the fit of the third that was not used.
     pub(super) written: bool,
+    /// Why a value that was found is not written.
+    not_written: Option<String>,
     /// A number, the ends of its 99 % interval, and their unit.
     pub(super) number: Option<(f64, [Option<f64>; 2], String)>,
     #[serde(skip)]
@@ -314,7 +316,10 @@ impl Report {
             (None, _) if !self.unexplained.is_empty() => "no setting explains what differs",
             (None, _) => "nothing to change",
             (_, true) => "better",
-            (_, false) => "NOT better: nothing is written but as a comment",
+            (_, false) if self.held_out.fitted > self.held_out.before => {
+                "NOT better: nothing is written but as a comment"
+            }
+            (_, false) => "nothing is decided: nothing is written but as a comment",
         };
         let (warning, verdicts) = (self.warning(), self.verdicts());
         format!(
@@ -354,11 +359,8 @@ impl Report {
             let _ = writeln!(text, "\n{reasons}{line}");
         }
         for row in others {
-            let or = match row.or.is_empty() {
-                true => "the recording does not decide it".to_owned(),
-                false => format!("one of these explains it as well: {}", row.or.join(", ")),
-            };
-            let _ = writeln!(text, "\n{}# Not written, since {or}", why(row));
+            let since = row.not_written.as_deref().unwrap_or_default();
+            let _ = writeln!(text, "\n{}# Not written, since {since}", why(row));
         }
         text
     }
@@ -427,6 +429,12 @@ fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
         (None, Verdict::NotTouched) => plan::touching(search.recordings[0].device, &knob.key),
         _ => String::new(),
     };
+    let written = found.is_some_and(|found| {
+        let changed = |settings| knob.literal_in(settings) != knob.literal_in(&search.base);
+        search.used() >= ENOUGH
+            && search.is_decided(found, &findings.verdicts)
+            && changed(&findings.written)
+    });
     SettingRow {
         key: knob.name(),
         basis: match knob.basis {
@@ -440,14 +448,35 @@ fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
             .and_then(|found| found.number)
             .map(|(value, ends)| (value, ends, knob.unit())),
         is_whole: knob.is_whole(),
-        written: found.is_some_and(|found| {
-            let changed = |settings| knob.literal_in(settings) != knob.literal_in(&search.base);
-            search.used() >= ENOUGH
-                && found.is_decided(&findings.verdicts)
-                && changed(&findings.written)
-        }),
+        written,
+        not_written: found
+            .filter(|_| !written)
+            .map(|found| not_written(search, findings, found)),
         or: found.map(|found| found.or.clone()).unwrap_or_default(),
         why,
+    }
+}
+
+/// Why a value that was found is not written.
+fn not_written(search: &Search<'_>, findings: &Findings, found: &Found) -> String {
+    let before = search.knobs[found.knob].number_in(&search.base);
+    let has_before = |(_, ends): (f64, [Option<f64>; 2])| {
+        let [low, high] = ends;
+        low.is_none_or(|low| low < before) && high.is_none_or(|high| high > before)
+    };
+    let [before, fitted, _] = findings.held_out;
+    if search.used() < ENOUGH {
+        "too little of the recording takes part".to_owned()
+    } else if !found.or.is_empty() {
+        format!("one of these explains it as well: {}", found.or.join(", "))
+    } else if fitted > before {
+        "the third that was not used fits no better with what was found".to_owned()
+    } else if found.number.is_some_and(has_before) {
+        "the value before is within its interval".to_owned()
+    } else if findings.verdicts[found.knob] == Verdict::Contradicted {
+        "its interval is wide: the recording tells it only roughly".to_owned()
+    } else {
+        "something else differs where it acts".to_owned()
     }
 }
 

@@ -39,6 +39,8 @@ const TOUCHED: f64 = 25.0;
 const STEPS: [f64; 4] = [1.0, -1.0, 5.5, -5.5];
 /// Random change of each number in plays with different seeds, in steps.
 const NEAR: f64 = 0.001;
+/// Greatest width of the interval of a number that is written, in steps: ends that differ by about a half.
+const WIDEST: f64 = 2.0;
 /// Share of a recording that has to take part before it contradicts what is documented.
 pub(super) const ENOUGH: f64 = 0.5;
 
@@ -130,14 +132,6 @@ pub(super) enum Verdict {
     NotTouched,
 }
 
-impl Found {
-    /// Returns whether it may be written: nothing else explains the recording, and a number has two ends.
-    pub(super) fn is_decided(&self, verdicts: &[Verdict]) -> bool {
-        let is_closed = |(_, ends): (f64, [Option<f64>; 2])| ends.iter().all(Option::is_some);
-        verdicts[self.knob] == Verdict::Contradicted && self.number.is_none_or(is_closed)
-    }
-}
-
 impl Model {
     /// The reply of the first play.
     pub(super) fn reply(&self, recording: usize, slot: usize) -> Option<&Reply> {
@@ -193,7 +187,7 @@ impl<'a> Search<'a> {
         self.measure(&model, &mut found, &trials)?;
         let mut verdicts = self.verdicts(&model, &found, &trials);
         let mut written = self.base.clone();
-        for one in found.iter().filter(|one| one.is_decided(&verdicts)) {
+        for one in found.iter().filter(|one| self.is_decided(one, &verdicts)) {
             let knob = &self.knobs[one.knob];
             let number = one.number.map(|(value, _)| knob.literal(&written, value));
             let literal = number.unwrap_or_else(|| one.literal.clone());
@@ -217,6 +211,16 @@ impl<'a> Search<'a> {
             written,
             held_out: [before + 0.0, after + 0.0, self.by_chance(&fitted, true)],
         })
+    }
+
+    /// Returns whether a change may be written: nothing else explains the recording, and a number is known well.
+    pub(super) fn is_decided(&self, found: &Found, verdicts: &[Verdict]) -> bool {
+        let knob = &self.knobs[found.knob];
+        let width = |[low, high]: [Option<f64>; 2]| Some(knob.steps_between(low?, high?));
+        let is_narrow = |ends| width(ends).is_some_and(|steps| steps <= WIDEST);
+        let number = found.number;
+        verdicts[found.knob] == Verdict::Contradicted
+            && number.is_none_or(|(_, ends)| is_narrow(ends))
     }
 
     /// Cost of a model, and of its settings.

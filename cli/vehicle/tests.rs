@@ -377,7 +377,7 @@ fn a_wider_spread_of_reply_times_is_not_taken_for_a_delay() {
     let change = "r150.reply_spread=\"252us\"".to_owned();
     let recordings = [drive(&[""], &with(&[change]), 99)];
     let (search, findings) = search(&recordings, &["r150.reply"]);
-    let claimed = |found: &&super::search::Found| found.is_decided(&findings.verdicts);
+    let claimed = |found: &&super::search::Found| search.is_decided(found, &findings.verdicts);
     assert_eq!(findings.found.iter().filter(claimed).count(), 0);
     let named = findings.found.iter().flat_map(|found| &found.or);
     assert!(

@@ -165,8 +165,8 @@ impl Search<'_> {
             let tried = tried.map(|next| (self.cost(&next, false), at, next));
             best.extend(tried.min_by(|one, other| one.0.total_cmp(&other.0)));
         }
-        let most = self.cost(without, false) - self.margin();
-        best.retain(|(cost, ..)| *cost < most);
+        let now = self.cost(without, false);
+        best.retain(|(cost, ..)| *cost < now - self.margin() / 4.0);
         best.sort_by(|one, other| one.0.total_cmp(&other.0));
         best.truncate(MOST_PAIRED);
         // Between the steps that were tried, it may fit far better.
@@ -176,6 +176,7 @@ impl Search<'_> {
                 *cost = self.cost(next, false);
             }
         }
+        best.retain(|(cost, ..)| *cost < now - self.margin());
         best.sort_by(|one, other| one.0.total_cmp(&other.0));
         let value = |at: usize, model: &Model| self.knobs[at].literal_in(&model.settings);
         let name = |at: usize, model: &Model| match (at == taken_back, &self.knobs[at]) {
@@ -385,7 +386,8 @@ impl Search<'_> {
                 false => [0.0; 2],
             };
             // Without a steep slope, it may show only in which replies are there, or be hidden by the machine's delays.
-            let has_slope = is_determined && slopes.column(at).amax() >= STEEP;
+            let is_steep = slopes.column(at).amax() >= STEEP;
+            let has_slope = is_determined && is_steep && !self.jumps(model, knob)?;
             let [low, high] = match has_slope {
                 true => [Some(value); 2],
                 false => self.ends(model, knob)?,

@@ -27,6 +27,8 @@ const LEAST_WIDTH: f64 = 0.2;
 /// The first such change, and a small one, which also shows whether a number acts in jumps only.
 pub(super) const FIRST_WIDTH: f64 = 0.6;
 pub(super) const SMALL_WIDTH: f64 = 0.25;
+/// A change, in steps, that does nothing if a number acts in jumps.
+const TINY: f64 = 0.02;
 /// Weight that holds a number without effect, as if it were known to about two steps.
 const HELD: f64 = 0.25;
 /// Cost above the least, within which the values of a number are as good: 99 % of a chi-square with one degree
@@ -108,6 +110,12 @@ impl Search<'_> {
         let ends = as_good(&ladder).map(|[low, high]| [low.checked_sub(1), Some(high + 1)]);
         let end = |at: Option<usize>| Some(ladder.get(at?)?.0);
         Ok(ends.unwrap_or_default().map(end))
+    }
+
+    /// Returns whether a number acts in jumps: a tiny change does nothing.
+    pub(super) fn jumps(&self, model: &Model, knob: &Knob) -> Result<bool, String> {
+        let tiny = self.ladder(model, knob, [-TINY, TINY].into_iter())?;
+        Ok(!knob.is_whole() && tiny.iter().any(|(_, saves)| *saves == 0.0))
     }
 
     /// Moves a number to the middle of the values that fit best, wherever they are.
