@@ -30,39 +30,36 @@ fn with(changes: &[String]) -> SimSettings {
 
 /// The manoeuvres of an R150 whose names have one of these parts, driven with some settings.
 fn drive(parts: &[&str], settings: &SimSettings, seed: u64) -> Recording {
-    drive_with_poses(parts, settings, seed, false)
+    drive_of("r150", parts, settings, seed, false)
 }
 
-/// The same, with poses beside it.
-fn drive_with_poses(
+/// The same for a device, with poses beside it.
+fn drive_of(
+    id: &str,
     parts: &[&str],
     settings: &SimSettings,
     seed: u64,
     has_poses: bool,
 ) -> Recording {
-    let device = SHIPPED.iter().find(|device| device.id == "r150").unwrap();
+    let device = SHIPPED.iter().find(|device| device.id == id).unwrap();
     let own = settings.of_device(device).unwrap();
     let mut all = manoeuvres(device, own).unwrap();
     all.retain(|one| parts.iter().any(|part| one.name.contains(part)));
     assert!(!all.is_empty());
-    let port = PortRecord(0, 0);
     let client = "lockstep".into();
-    let mut records = vec![
-        Record::Time { client, date: None },
-        Record::Attach { t: 1, port },
-        Record::Line {
-            t: 1,
-            port,
-            line: ClientLine::at(own.baud(0)),
-        },
-    ];
+    let mut records = vec![Record::Time { client, date: None }];
+    for link in 0..device.links.len() {
+        let (t, port, line) = (1, PortRecord(0, link), ClientLine::at(own.baud(link)));
+        records.extend([Record::Attach { t, port }, Record::Line { t, port, line }]);
+    }
     let mut t = 1_000_000;
     for frame in all.iter().flat_map(|one| &one.frames) {
         let bytes = Hexed(read_hex(frame.bytes.chars()).unwrap());
+        let port = PortRecord(0, frame.link);
         records.push(Record::In { t, port, bytes });
         t += frame.wait_ms * 1_000_000;
     }
-    let mut header = header(&plan_of(SHIPPED, "r150", 1, settings.clone()).unwrap());
+    let mut header = header(&plan_of(SHIPPED, id, device.links.len(), settings.clone()).unwrap());
     header.seed = seed;
     let end = t + 1_000_000_000;
     let times: Vec<u64> = (1..end / APART).map(|at| at * APART).collect();
@@ -77,14 +74,23 @@ fn drive_with_poses(
         SimTime::from_nanos(end),
         Some(&mut track),
     );
-    for (t, byte) in sent.unwrap().into_values().flatten() {
-        records.push(Record::Out {
+    let sent = sent
+        .unwrap()
+        .into_iter()
+        .map(|(port, bytes)| (PortRecord::from(port), bytes));
+    let each =
+        sent.flat_map(|(port, bytes)| bytes.into_iter().map(move |(t, byte)| (t, port, byte)));
+    let mut each: Vec<_> = each.collect();
+    each.sort_by_key(|(t, ..)| *t);
+    records.extend(each.into_iter().map(|(t, port, byte)| {
+        let bytes = Hexed(vec![byte]);
+        Record::Out {
             t,
             dt: 0,
             port,
-            bytes: Hexed(vec![byte]),
-        });
-    }
+            bytes,
+        }
+    }));
     let mut recording = Recording::of(SHIPPED, header, records, &with(&[])).unwrap();
     if has_poses {
         let added = recording.add_poses(&track.poses, Some(0.0), &with(&[]));
@@ -436,13 +442,15 @@ fn the_file_keeps_what_its_file_had_and_the_decided_parts_of_a_version() {
     }
 }
 
-/// Every setting, one at a time, over the whole drive; prints what is found.
+/// Every setting, one at a time, over the whole drive; prints what is found. `DEVICE=mecanum` is the car, and `ONLY` is
+/// a part of the settings' names.
 #[test]
 #[ignore = "takes an hour; prints what is found"]
 fn campaign_of_single_changes() {
     let (mut wrong, mut right) = (0, 0);
     let only = std::env::var("ONLY").unwrap_or_default();
-    for knob in Knob::all(&with(&[]), "r150", &[])
+    let device = std::env::var("DEVICE").unwrap_or("r150".to_owned());
+    for knob in Knob::all(&with(&[]), &device, &[])
         .iter()
         .filter(|knob| knob.key.contains(&only))
     {
@@ -457,7 +465,8 @@ fn campaign_of_single_changes() {
             if knob.set(&with(&[]), &value).is_none() {
                 continue;
             }
-            let recordings = [drive(&[""], &with(std::slice::from_ref(&change)), 99)];
+            let changed = with(std::slice::from_ref(&change));
+            let recordings = [drive_of(&device, &[""], &changed, 99, false)];
             let (search, findings) = search(&recordings, &[]);
             let result = match judge(&change, &search, &findings, 0.1) {
                 Ok(error) => format!("found, error {:.2} %", 100.0 * error),
@@ -590,7 +599,7 @@ fn vehicle_with_changes(vehicle: u64, changes: usize) -> (SimSettings, Vec<Recor
         }
     }
     if std::env::var_os("POSES").is_some() {
-        recordings = vec![drive_with_poses(&[""], &settings, 1000 + vehicle, true)];
+        recordings = vec![drive_of("r150", &[""], &settings, 1000 + vehicle, true)];
     }
     (settings, recordings)
 }
