@@ -25,6 +25,9 @@ const MOST_INSTEAD: usize = 2;
 const MOST_PAIRED: usize = 6;
 /// Most numbers that are named instead of one. More of them explain almost anything.
 const MOST_OTHERS: usize = 3;
+/// Multiple of what is no luck that others may cost more than a number below [`NEEDED`], and be named: models with tyres
+/// that slip and stick otherwise differ by more than plays of one do.
+const DOUBT: f64 = 3.0;
 /// Word between two settings that explain together as much as one.
 const WITH: &str = " with ";
 /// Residual of what a setting changes that is allowed, in standard deviations of chance.
@@ -76,6 +79,11 @@ impl Search<'_> {
                 let literal = knob.literal_in(&model.settings);
                 let mut all = self.instead(&plain, taken_back, &literal, trials)?;
                 all.extend(self.two_instead(model, &linear, taken_back)?);
+                let is_weak = knob.choices.is_empty() && linear.need(taken_back) < NEEDED;
+                let most_left = |least: f64| match is_weak {
+                    true => (DOUBT * least).min(saves / 2.0).max(least),
+                    false => least,
+                };
                 let (mut or, mut as_good) = (Vec::new(), Vec::new());
                 let mut better: Option<Model> = None;
                 for (names, tried) in all {
@@ -86,7 +94,7 @@ impl Search<'_> {
                     let (saves, least) = self.gain(&costs, &by_tried);
                     if saves > least.max(self.margin() * names.len() as f64) && swaps > 0 {
                         better = Some(tried);
-                    } else if self.gain(&by_tried, &costs).0 < least {
+                    } else if self.gain(&by_tried, &costs).0 < most_left(least) {
                         or.push(names.join(WITH));
                         as_good.push(tried.settings);
                     }
@@ -96,14 +104,14 @@ impl Search<'_> {
                     *model = self.model(&better.settings, 1.0)?;
                     continue 'model;
                 }
-                if knob.choices.is_empty() && linear.need(taken_back) < NEEDED {
-                    let instead =
-                        self.numbers_instead(model, &plain, taken_back, trials, &costs)?;
-                    if let Some((names, next)) = instead {
-                        if names.is_empty() {
-                            *model = self.model(&next.settings, 1.0)?;
-                            continue 'model;
-                        }
+                if is_weak {
+                    let (names, next) = self.numbers_instead(model, &plain, taken_back, trials)?;
+                    let (left, least) = self.gain(&self.costs(&next)?, &costs);
+                    if names.is_empty() && left < least {
+                        *model = self.model(&next.settings, 1.0)?;
+                        continue 'model;
+                    }
+                    if (1..=MOST_OTHERS).contains(&names.len()) && left < most_left(least) {
                         as_good.push(next.settings);
                         let names = names.join(WITH);
                         if !or.contains(&names) {
@@ -242,28 +250,24 @@ impl Search<'_> {
         Ok(Some((names.to_vec(), tried)))
     }
 
-    /// The names of numbers that explain as much as a removed one, and the model with them. No names if those that were
-    /// found do, `None` if nothing does.
+    /// The names of numbers that best explain what a removed one did, and the model with them. No names if those that
+    /// were found do.
     fn numbers_instead(
         &self,
         model: &Model,
         plain: &Model,
         taken_back: usize,
         trials: &[Trial],
-        costs: &Costs,
-    ) -> Result<Option<(Vec<String>, Model)>, String> {
+    ) -> Result<(Vec<String>, Model), String> {
         let settings = self.explained_by_others(plain, taken_back, trials)?;
         // With the scatter of the model as it is, so that costs can be compared.
-        let Some(next) = self.moved(model, vec![settings])?.into_iter().next() else {
-            return Ok(None);
-        };
-        let (saves, least) = self.gain(&self.costs(&next)?, costs);
+        let quiet = self.quiet(settings.clone());
+        let to = self.play(&[(&quiet, 0)], Some(&model.quiet))?.remove(0);
         let before = self.changed(&model.settings);
-        let mut added = self.changed(&next.settings);
+        let mut added = self.changed(&settings);
         added.retain(|at| !before.contains(at));
         let names = added.iter().map(|at| self.knobs[*at].name()).collect();
-        let is_as_good = saves < least && added.len() <= MOST_OTHERS;
-        Ok(is_as_good.then_some((names, next)))
+        Ok((names, model.by(settings, to)))
     }
 
     /// Names of the settings of a spread that explain as much as a removed number: a wider spread has another mean.
