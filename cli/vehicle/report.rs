@@ -10,10 +10,12 @@ use rigsim_settings::{Basis, Settings as _};
 use serde::Serialize;
 
 use super::recording::{Reply, Slot, middle};
-use super::search::{ENOUGH, Findings, Found, Model, Search, Verdict};
+use super::search::{Doubt, ENOUGH, Findings, Found, Model, Search, Verdict};
 use super::{plan, poses};
 use crate::config;
 
+/// Why nothing is written that is certain by the rest of a recording.
+const NO_BETTER: &str = "the third that was not used fits no better with what was found";
 /// First words of a file of settings that were found.
 pub(super) const MARK: &str = "# Settings by which the model does what was recorded.";
 /// Shifts of one series against the other, by which its lag is found, ms.
@@ -107,7 +109,7 @@ pub(super) struct SettingRow {
     pub(super) number: Option<(f64, [Option<f64>; 2], String)>,
     #[serde(skip)]
     is_whole: bool,
-    /// Settings that explain the recording as well.
+    /// Settings that explain the recording nearly as well.
     pub(super) or: Vec<String>,
     /// The evidence for it, or what would be evidence.
     pub(super) why: String,
@@ -311,19 +313,25 @@ impl Report {
 
     pub(super) fn fit_text(&self) -> String {
         let mut found = self.settings.iter().filter(|row| row.found.is_some());
+        let not_written = found
+            .clone()
+            .filter_map(|row| Some((&row.key, row.not_written.as_ref()?)));
+        let is_worse = not_written.clone().any(|(_, since)| since == NO_BETTER);
+        let mut reasons = String::new();
+        for (key, since) in not_written {
+            let _ = writeln!(reasons, "not written   {key}, since {since}");
+        }
         let result = match (found.clone().next(), found.any(|row| row.written)) {
             _ if !self.is_enough() => "nothing is written",
             (None, _) if !self.unexplained.is_empty() => "no setting explains what differs",
             (None, _) => "nothing to change",
             (_, true) => "better",
-            (_, false) if self.held_out.fitted > self.held_out.before => {
-                "NOT better: nothing is written but as a comment"
-            }
-            (_, false) => "nothing is decided: nothing is written but as a comment",
+            (_, false) if is_worse => "NOT better: nothing is written but as a comment",
+            (_, false) => "nothing is certain enough: nothing is written but as a comment",
         };
         let (warning, verdicts) = (self.warning(), self.verdicts());
         format!(
-            "{warning}{verdicts}\n\n{} ({result})",
+            "{warning}{verdicts}\n\n{reasons}{} ({result})",
             self.held_out.words()
         )
     }
@@ -431,9 +439,7 @@ fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
     };
     let written = found.is_some_and(|found| {
         let changed = |settings| knob.literal_in(settings) != knob.literal_in(&search.base);
-        search.used() >= ENOUGH
-            && search.is_decided(found, &findings.verdicts)
-            && changed(&findings.written)
+        search.used() >= ENOUGH && search.doubt(found).is_none() && changed(&findings.written)
     });
     SettingRow {
         key: knob.name(),
@@ -451,32 +457,28 @@ fn setting(search: &Search<'_>, findings: &Findings, at: usize) -> SettingRow {
         written,
         not_written: found
             .filter(|_| !written)
-            .map(|found| not_written(search, findings, found)),
+            .map(|found| not_written(search, found)),
         or: found.map(|found| found.or.clone()).unwrap_or_default(),
         why,
     }
 }
 
 /// Why a value that was found is not written.
-fn not_written(search: &Search<'_>, findings: &Findings, found: &Found) -> String {
-    let before = search.knobs[found.knob].number_in(&search.base);
-    let has_before = |(_, ends): (f64, [Option<f64>; 2])| {
-        let [low, high] = ends;
-        low.is_none_or(|low| low < before) && high.is_none_or(|high| high > before)
-    };
-    let [before, fitted, _] = findings.held_out;
+fn not_written(search: &Search<'_>, found: &Found) -> String {
     if search.used() < ENOUGH {
-        "too little of the recording takes part".to_owned()
-    } else if !found.or.is_empty() {
-        format!("one of these explains it as well: {}", found.or.join(", "))
-    } else if fitted > before {
-        "the third that was not used fits no better with what was found".to_owned()
-    } else if found.number.is_some_and(has_before) {
-        "the value before is within its interval".to_owned()
-    } else if findings.verdicts[found.knob] == Verdict::Contradicted {
-        "its interval is wide: the recording tells it only roughly".to_owned()
-    } else {
-        "something else differs where it acts".to_owned()
+        return "too little of the recording takes part".to_owned();
+    }
+    match search.doubt(found) {
+        Some(Doubt::Others) => format!(
+            "one of these explains it nearly as well: {}",
+            found.or.join(", ")
+        ),
+        Some(Doubt::Left) => "too much is left of what it changes".to_owned(),
+        Some(Doubt::Shaky) => "it shows little, and another change is in doubt".to_owned(),
+        Some(Doubt::Before) => "the value before is within its interval".to_owned(),
+        Some(Doubt::OneEnd) => "the recording shows one end of it only".to_owned(),
+        Some(Doubt::Rough) => "its interval is wide".to_owned(),
+        None => NO_BETTER.to_owned(),
     }
 }
 

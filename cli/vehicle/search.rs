@@ -39,8 +39,8 @@ const TOUCHED: f64 = 25.0;
 const STEPS: [f64; 4] = [1.0, -1.0, 5.5, -5.5];
 /// Random change of each number in plays with different seeds, in steps.
 const NEAR: f64 = 0.001;
-/// Greatest width of the interval of a number that is written, in steps: ends that differ by about a half.
-const WIDEST: f64 = 2.0;
+/// Fraction of a setting's saving that may be left: a setting that stands in for another leaves more.
+const SHARE: f64 = 0.05;
 /// Share of a recording that has to take part before it contradicts what is documented.
 pub(super) const ENOUGH: f64 = 0.5;
 
@@ -98,16 +98,35 @@ pub(super) struct Found {
     pub(super) literal: String,
     /// A number, and the ends of its 99 % interval; `None` for an open end.
     pub(super) number: Option<(f64, [Option<f64>; 2])>,
-    /// Settings that explain the recording as well.
+    /// Settings that explain the recording nearly as well.
     pub(super) or: Vec<String>,
     /// The settings of each model with one of those instead of it.
     as_good: Vec<SimSettings>,
     /// Cost that it saves, with the others at their best values.
     saves: f64,
+    /// Set for a number that saves little where another change is in doubt: with the other instead, it may be needed no
+    /// more.
+    is_shaky: bool,
     /// Residual of all that it changes, beyond chance, and the most that chance leaves.
     left: [f64; 2],
     /// Recording and slot that show it best.
     pub(super) shown_by: (usize, usize),
+}
+
+/// Why a change that was found is not certain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Doubt {
+    /// Others explain nearly as much.
+    Others,
+    /// Too much is left of what it changes.
+    Left,
+    /// It saves little, and another change is in doubt.
+    Shaky,
+    /// The value before is within the interval.
+    Before,
+    OneEnd,
+    /// The interval is wide.
+    Rough,
 }
 
 /// Result of a search.
@@ -187,7 +206,10 @@ impl<'a> Search<'a> {
         self.measure(&model, &mut found, &trials)?;
         let mut verdicts = self.verdicts(&model, &found, &trials);
         let mut written = self.base.clone();
-        for one in found.iter().filter(|one| self.is_decided(one, &verdicts)) {
+        let is_contradicted = |one: &&Found| verdicts[one.knob] == Verdict::Contradicted;
+        let decided = found.iter().filter(|one| self.doubt(one).is_none());
+        let decided: Vec<&Found> = decided.filter(is_contradicted).collect();
+        for one in &decided {
             let knob = &self.knobs[one.knob];
             let number = one.number.map(|(value, _)| knob.literal(&written, value));
             let literal = number.unwrap_or_else(|| one.literal.clone());
@@ -198,9 +220,9 @@ impl<'a> Search<'a> {
         let after = self.cost(&fitted, true);
         if after >= before {
             written = self.base.clone();
-        }
-        for one in found.iter().filter(|_| after > before) {
-            verdicts[one.knob] = Verdict::NotDecided;
+            for one in decided {
+                verdicts[one.knob] = Verdict::NotDecided;
+            }
         }
         self.progress.finish_and_clear();
         Ok(Findings {
@@ -213,14 +235,30 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Returns whether a change may be written: nothing else explains the recording, and a number is known well.
-    pub(super) fn is_decided(&self, found: &Found, verdicts: &[Verdict]) -> bool {
+    /// Returns what stands against a change that was found.
+    pub(super) fn doubt(&self, found: &Found) -> Option<Doubt> {
         let knob = &self.knobs[found.knob];
-        let width = |[low, high]: [Option<f64>; 2]| Some(knob.steps_between(low?, high?));
-        let is_narrow = |ends| width(ends).is_some_and(|steps| steps <= WIDEST);
-        let number = found.number;
-        verdicts[found.knob] == Verdict::Contradicted
-            && number.is_none_or(|(_, ends)| is_narrow(ends))
+        let before = knob.number_in(&self.base);
+        let [left, by_chance] = found.left;
+        let ends = found.number.map(|(_, ends)| ends);
+        let is_inside = |[low, high]: [Option<f64>; 2]| {
+            low.is_none_or(|low| low < before) && high.is_none_or(|high| high > before)
+        };
+        if !found.or.is_empty() {
+            return Some(Doubt::Others);
+        }
+        if left >= by_chance.max(SHARE * found.saves) {
+            return Some(Doubt::Left);
+        }
+        if found.is_shaky {
+            return Some(Doubt::Shaky);
+        }
+        match ends? {
+            ends if is_inside(ends) => Some(Doubt::Before),
+            [Some(low), Some(high)] if knob.is_close(low, high) => None,
+            [Some(_), Some(_)] => Some(Doubt::Rough),
+            _ => Some(Doubt::OneEnd),
+        }
     }
 
     /// Cost of a model, and of its settings.

@@ -44,6 +44,13 @@ pub(super) struct Promise<'t> {
     pub(super) trial: &'t Trial,
 }
 
+impl Promise<'_> {
+    /// Steps of a number by first order; `None` for a choice.
+    pub(super) fn steps(&self) -> Option<f64> {
+        Some(self.part * self.trial.step?)
+    }
+}
+
 impl Search<'_> {
     /// The settings with which the model reproduces the recordings.
     pub(super) fn grown(&self) -> Result<SimSettings, String> {

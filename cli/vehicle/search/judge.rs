@@ -12,7 +12,7 @@ use super::super::recording::Seen;
 use super::grow::NEEDED;
 use super::linear::Linear;
 use super::numbers::SMALL_WIDTH;
-use super::{Costs, ENOUGH, Found, LUCK, Model, Play, Search, Trial, Verdict};
+use super::{Costs, Doubt, ENOUGH, Found, LUCK, Model, Play, Search, Trial, Verdict};
 
 /// Most changes that are exchanged for others.
 const MOST_SWAPS: usize = 8;
@@ -25,15 +25,15 @@ const MOST_INSTEAD: usize = 2;
 const MOST_PAIRED: usize = 6;
 /// Most numbers that are named instead of one. More of them explain almost anything.
 const MOST_OTHERS: usize = 3;
-/// Multiple of what is no luck that others may cost more than a number below [`NEEDED`], and be named: models with tyres
-/// that slip and stick otherwise differ by more than plays of one do.
+/// Others may cost this multiple of what is no luck, and are named instead of a weak number. Two models whose tyres slip
+/// and stick at other times differ by more than plays of one do.
 const DOUBT: f64 = 3.0;
+/// Named where the other numbers that were found explain nearly as much.
+const FOUND: &str = "what else was found";
 /// Word between two settings that explain together as much as one.
 const WITH: &str = " with ";
 /// Residual of what a setting changes that is allowed, in standard deviations of chance.
 const LEFT: f64 = 4.0;
-/// Fraction of a setting's saving that may be left: a setting that stands in for another leaves more.
-const SHARE: f64 = 0.05;
 /// Greatest variance of a number that is determined by its slope, in steps squared.
 const MOST_VARIANCE: f64 = 0.1;
 /// Least effect of a step on a reply that is a slope, in standard deviations.
@@ -52,7 +52,7 @@ impl Search<'_> {
     }
 
     /// Takes back changes that the others explain as well, exchanges those for which another explains more, and
-    /// records those that explain as much. The numbers of the others are at their best each time.
+    /// records those that explain nearly as much. The numbers of the others are at their best each time.
     pub(super) fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
         let mut swaps = MOST_SWAPS;
         'model: loop {
@@ -88,7 +88,7 @@ impl Search<'_> {
                 let mut better: Option<Model> = None;
                 for (names, tried) in all {
                     let numbers = self.numbers(&tried.settings);
-                    let goal = self.cost(model, false) + self.margin() + LUCK;
+                    let goal = self.cost(model, false) + most_left(least) + self.margin() + LUCK;
                     let tried = self.polish(tried, &numbers, goal)?;
                     let by_tried = self.costs(&tried)?;
                     let (saves, least) = self.gain(&costs, &by_tried);
@@ -111,9 +111,12 @@ impl Search<'_> {
                         *model = self.model(&next.settings, 1.0)?;
                         continue 'model;
                     }
-                    if (1..=MOST_OTHERS).contains(&names.len()) && left < most_left(least) {
+                    if names.len() <= MOST_OTHERS && left < most_left(least) {
                         as_good.push(next.settings);
-                        let names = names.join(WITH);
+                        let names = match names.is_empty() {
+                            true => FOUND.to_owned(),
+                            false => names.join(WITH),
+                        };
                         if !or.contains(&names) {
                             or.push(names);
                         }
@@ -131,9 +134,15 @@ impl Search<'_> {
                     or,
                     as_good,
                     saves,
+                    is_shaky: is_weak && saves < LUCK,
                     left: self.left(&without, model),
                     shown_by: self.shows(&without, model),
                 });
+            }
+            let in_doubt = found.iter().filter(|one| !one.or.is_empty());
+            let in_doubt: Vec<usize> = in_doubt.map(|one| one.knob).collect();
+            for one in &mut found {
+                one.is_shaky &= in_doubt.iter().any(|other| *other != one.knob);
             }
             return Ok(found);
         }
@@ -159,11 +168,14 @@ impl Search<'_> {
         let mut best: Vec<(f64, usize, Model)> = Vec::new();
         for at in others {
             let knob = &self.knobs[at];
-            let numbers = INSTEAD
-                .iter()
-                .filter(|_| knob.choices.is_empty() && at != taken_back);
+            let promise = promised.iter().find(|one| one.trial.knob == at);
+            let numbers = promise
+                .and_then(|one| one.steps())
+                .into_iter()
+                .chain(INSTEAD);
+            let numbers = numbers.filter(|_| knob.choices.is_empty() && at != taken_back);
             let mut all: Vec<SimSettings> = numbers
-                .filter_map(|steps| knob.moved(&without.settings, *steps))
+                .filter_map(|steps| knob.moved(&without.settings, steps))
                 .collect();
             let now = knob.literal_in(&without.settings);
             let is_other = |one: &&String| **one != now && (at != taken_back || *one != literal);
@@ -261,13 +273,12 @@ impl Search<'_> {
     ) -> Result<(Vec<String>, Model), String> {
         let settings = self.explained_by_others(plain, taken_back, trials)?;
         // With the scatter of the model as it is, so that costs can be compared.
-        let quiet = self.quiet(settings.clone());
-        let to = self.play(&[(&quiet, 0)], Some(&model.quiet))?.remove(0);
+        let next = self.moved(model, vec![settings])?.remove(0);
         let before = self.changed(&model.settings);
-        let mut added = self.changed(&settings);
+        let mut added = self.changed(&next.settings);
         added.retain(|at| !before.contains(at));
         let names = added.iter().map(|at| self.knobs[*at].name()).collect();
-        Ok((names, model.by(settings, to)))
+        Ok((names, next))
     }
 
     /// Names of the settings of a spread that explain as much as a removed number: a wider spread has another mean.
@@ -421,14 +432,10 @@ impl Search<'_> {
         let verdict = |at: usize| {
             let knob = &self.knobs[at];
             if let Some(one) = found.iter().find(|one| one.knob == at) {
-                let before = knob.number_in(&self.base);
-                let is_outside = one.number.is_none_or(|(_, [low, high])| {
-                    low.is_some_and(|low| before <= low) || high.is_some_and(|high| before >= high)
-                });
                 let is_enough = enough || matches!(knob.basis, Basis::Assumed(_));
-                let [left, by_chance] = one.left;
-                let is_explained = one.or.is_empty() && left < by_chance.max(SHARE * one.saves);
-                return match is_explained && is_outside && is_enough {
+                let doubt = self.doubt(one);
+                let differs = matches!(doubt, None | Some(Doubt::OneEnd | Doubt::Rough));
+                return match differs && is_enough {
                     true => Verdict::Contradicted,
                     false => Verdict::NotDecided,
                 };

@@ -114,8 +114,11 @@ impl Search<'_> {
 
     /// Returns whether a number acts in jumps: a tiny change does nothing.
     pub(super) fn jumps(&self, model: &Model, knob: &Knob) -> Result<bool, String> {
+        if knob.is_whole() {
+            return Ok(false);
+        }
         let tiny = self.ladder(model, knob, [-TINY, TINY].into_iter())?;
-        Ok(!knob.is_whole() && tiny.iter().any(|(_, saves)| *saves == 0.0))
+        Ok(tiny.iter().any(|(_, saves)| *saves == 0.0))
     }
 
     /// Moves a number to the middle of the values that fit best, wherever they are.
