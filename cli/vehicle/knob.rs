@@ -8,10 +8,10 @@ const TIME_STEP: f64 = 0.01;
 /// First step of other numbers, as a fraction of their value, or of their range if the value is 0.
 const STEP: f64 = 0.2;
 
-/// Greatest ratio of the ends of an interval by which a number is known well, and its greatest width in steps if it
-/// may be 0 or has no ratio.
-const CLOSE: f64 = 1.5;
-const CLOSE_STEPS: f64 = 2.0;
+/// Greatest ratio of the ends of an interval by which a number is known well.
+const CLOSE: f64 = 2.0;
+/// Greatest width of an interval that has 0 in it or begins there, or of a temperature, in steps.
+const CLOSE_STEPS: f64 = 0.5;
 
 /// Parts of the names of settings that only set the amount of noise.
 const CHANCE: [&str; 3] = [".noise.", ".tolerance.", "spread"];
@@ -196,11 +196,10 @@ impl Knob {
 
     /// Returns whether a number within these ends is known well.
     pub(super) fn is_close(&self, low: f64, high: f64) -> bool {
-        let is_degree = matches!(&self.form, Form::One(unit) if unit == "degC");
-        let is_by_ratio = low * high > 0.0 && !is_degree;
-        let ratio = (high / low).max(low / high);
-        is_by_ratio && ratio <= CLOSE
-            || !is_by_ratio && self.steps_between(low, high) <= CLOSE_STEPS
+        match low * high > 0.0 && self.unit() != "degC" {
+            true => (high / low).max(low / high) <= CLOSE,
+            false => self.steps_between(low, high) <= CLOSE_STEPS,
+        }
     }
 
     /// How far down and up its number has to move, in steps, to have its values in groups of settings. All groups may

@@ -191,16 +191,17 @@ fn numbers_are_changed_by_steps_and_back() {
 #[test]
 fn a_number_is_known_well_by_the_ratio_of_its_ends_or_by_steps() {
     for (key, low, high, is_close) in [
-        ("r150.motor.dead_band", 3.0, 4.5, true),
-        ("r150.motor.dead_band", 3.0, 4.6, false),
-        ("r150.boot_time", 0.0, 0.12, false),
-        ("r150.boot_time", 0.0, 0.02, true),
+        ("r150.motor.dead_band", 3.0, 6.0, true),
+        ("r150.motor.dead_band", 3.0, 6.1, false),
+        ("r150.boot_time", 0.0, 0.006, false),
+        ("r150.boot_time", 0.0, 0.005, true),
         ("r150.boot_time", 2.0, 2.9, true),
+        ("r150.reply_delay", 0.0028, 0.0052, true),
+        ("r150.reply_delay", 0.00001, 0.00005, false),
         ("world.slope", -9.0, -7.0, true),
-        ("world.slope", -0.3, 0.3, true),
-        ("world.slope", -0.6, 0.6, false),
-        ("r150.thermal.ambient", 15.0, 25.0, true),
-        ("r150.thermal.ambient", 15.0, 26.0, false),
+        ("world.slope", -0.3, 0.3, false),
+        ("r150.thermal.ambient", 15.0, 17.5, true),
+        ("r150.thermal.ambient", 15.0, 17.6, false),
     ] {
         let all = Knob::all(&with(&[]), "r150", &[]);
         let knob = all.iter().find(|knob| knob.key == key).unwrap();
