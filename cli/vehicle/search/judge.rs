@@ -27,7 +27,7 @@ const MOST_PAIRED: usize = 6;
 const MOST_OTHERS: usize = 3;
 /// Others may cost this multiple of what is no luck, and are named instead of a weak number. Two models whose tyres slip
 /// and stick at other times differ by more than plays of one do.
-const DOUBT: f64 = 3.0;
+const NEARLY: f64 = 3.0;
 /// Named where the other numbers that were found explain nearly as much.
 const FOUND: &str = "what else was found";
 /// Word between two settings that explain together as much as one.
@@ -81,7 +81,7 @@ impl Search<'_> {
                 all.extend(self.two_instead(model, &linear, taken_back)?);
                 let is_weak = knob.choices.is_empty() && linear.need(taken_back) < NEEDED;
                 let most_left = |least: f64| match is_weak {
-                    true => (DOUBT * least).min(saves / 2.0).max(least),
+                    true => (NEARLY * least).min(saves / 2.0).max(least),
                     false => least,
                 };
                 let (mut or, mut as_good) = (Vec::new(), Vec::new());
