@@ -474,7 +474,10 @@ fn not_written(search: &Search<'_>, found: &Found) -> String {
             found.or.join(", ")
         ),
         Some(Doubt::Left) => "too much is left of what it changes".to_owned(),
-        Some(Doubt::Shaky) => "it shows little, and another change is in doubt".to_owned(),
+        Some(Doubt::Shaky) => {
+            "it shows little, and is not needed if another is in the place of one that was found"
+                .to_owned()
+        }
         Some(Doubt::Before) => "the value before is within its interval".to_owned(),
         Some(Doubt::OneEnd) => "the recording shows one end of it only".to_owned(),
         Some(Doubt::Rough) => "its interval is wide".to_owned(),

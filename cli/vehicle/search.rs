@@ -104,8 +104,7 @@ pub(super) struct Found {
     as_good: Vec<SimSettings>,
     /// Cost that it saves, with the others at their best values.
     saves: f64,
-    /// Set for a number that saves little where another change is in doubt: with the other instead, it may be needed no
-    /// more.
+    /// Set for a number that saves little, and nothing with another change instead of one that was found.
     is_shaky: bool,
     /// Residual of all that it changes, beyond chance, and the most that chance leaves.
     left: [f64; 2],
@@ -120,7 +119,7 @@ pub(super) enum Doubt {
     Others,
     /// Too much is left of what it changes.
     Left,
-    /// It saves little, and another change is in doubt.
+    /// It is not needed with another change instead of one that was found.
     Shaky,
     /// The value before is within the interval.
     Before,

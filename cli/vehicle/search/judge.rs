@@ -25,11 +25,6 @@ const MOST_INSTEAD: usize = 2;
 const MOST_PAIRED: usize = 6;
 /// Most numbers that are named instead of one. More of them explain almost anything.
 const MOST_OTHERS: usize = 3;
-/// Others may cost this multiple of what is no luck, and are named instead of a weak number. Two models whose tyres slip
-/// and stick at other times differ by more than plays of one do.
-const NEARLY: f64 = 3.0;
-/// Named where the other numbers that were found explain nearly as much.
-const FOUND: &str = "what else was found";
 /// Word between two settings that explain together as much as one.
 const WITH: &str = " with ";
 /// Residual of what a setting changes that is allowed, in standard deviations of chance.
@@ -40,6 +35,19 @@ const MOST_VARIANCE: f64 = 0.1;
 const STEEP: f64 = 4.0;
 /// Parts of the recordings from which the scatter of numbers is estimated.
 const PARTS: usize = 20;
+
+/// A model without one of its changes.
+struct Removal {
+    knob: usize,
+    /// The other numbers where they are.
+    plain: Model,
+    /// The other numbers at their best values.
+    best: Model,
+    /// Cost that the change saves.
+    saves: f64,
+    /// The least that is no luck.
+    least: f64,
+}
 
 impl Search<'_> {
     /// Slot at which one model's advantage over another is greatest.
@@ -52,49 +60,43 @@ impl Search<'_> {
     }
 
     /// Takes back changes that the others explain as well, exchanges those for which another explains more, and
-    /// records those that explain nearly as much. The numbers of the others are at their best each time.
+    /// records those that explain as much. The numbers of the others are at their best each time.
     pub(super) fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
         let mut swaps = MOST_SWAPS;
         'model: loop {
-            let mut found: Vec<Found> = Vec::new();
+            let (removals, costs) = self.take_back(model)?;
             let linear = self.linear(model, self.acting(model, trials))?;
-            let costs = self.costs(model)?;
-            for taken_back in self.changed(&model.settings) {
-                let knob = &self.knobs[taken_back];
-                let default = knob.default_in(&model.settings);
-                let Some(settings) = knob.set(&model.settings, &default) else {
-                    return Ok(found);
-                };
-                let others = self.numbers(&settings);
-                let moved = self.moved(model, vec![settings])?;
-                let Some(plain) = moved.into_iter().next() else {
-                    return Ok(found);
-                };
-                let without = self.polish(plain.clone(), &others, f64::INFINITY)?;
-                let (saves, least) = self.gain(&self.costs(&without)?, &costs);
-                if saves < least {
-                    *model = self.model(&without.settings, 1.0)?;
-                    continue 'model;
-                }
+            let cost = self.cost(model, false);
+            let mut found: Vec<Found> = Vec::new();
+            for removal in removals {
+                let knob = &self.knobs[removal.knob];
                 let literal = knob.literal_in(&model.settings);
-                let mut all = self.instead(&plain, taken_back, &literal, trials)?;
-                all.extend(self.two_instead(model, &linear, taken_back)?);
-                let is_weak = knob.choices.is_empty() && linear.need(taken_back) < NEEDED;
-                let most_left = |least: f64| match is_weak {
-                    true => (NEARLY * least).min(saves / 2.0).max(least),
-                    false => least,
-                };
                 let (mut or, mut as_good) = (Vec::new(), Vec::new());
+                let is_weak = knob.choices.is_empty() && linear.need(removal.knob) < NEEDED;
+                if is_weak {
+                    let (names, next) = self.numbers_instead(model, &removal, trials)?;
+                    let (left, least) = self.gain(&self.costs(&next)?, &costs);
+                    if names.is_empty() && left < least {
+                        *model = self.model(&next.settings, 1.0)?;
+                        continue 'model;
+                    }
+                    if names.len() <= MOST_OTHERS && left < least {
+                        or.push(names.join(WITH));
+                        as_good.push(next.settings);
+                    }
+                }
+                let mut others = self.instead(&removal, &literal, trials)?;
+                others.extend(self.two_instead(model, &linear, removal.knob)?);
                 let mut better: Option<Model> = None;
-                for (names, tried) in all {
+                for (names, tried) in others {
                     let numbers = self.numbers(&tried.settings);
-                    let goal = self.cost(model, false) + most_left(least) + self.margin() + LUCK;
+                    let goal = cost + removal.least + self.margin() + LUCK;
                     let tried = self.polish(tried, &numbers, goal)?;
                     let by_tried = self.costs(&tried)?;
                     let (saves, least) = self.gain(&costs, &by_tried);
                     if saves > least.max(self.margin() * names.len() as f64) && swaps > 0 {
                         better = Some(tried);
-                    } else if self.gain(&by_tried, &costs).0 < most_left(least) {
+                    } else if self.gain(&by_tried, &costs).0 < least {
                         or.push(names.join(WITH));
                         as_good.push(tried.settings);
                     }
@@ -105,58 +107,90 @@ impl Search<'_> {
                     continue 'model;
                 }
                 if is_weak {
-                    let (names, next) = self.numbers_instead(model, &plain, taken_back, trials)?;
-                    let (left, least) = self.gain(&self.costs(&next)?, &costs);
-                    if names.is_empty() && left < least {
-                        *model = self.model(&next.settings, 1.0)?;
-                        continue 'model;
-                    }
-                    if names.len() <= MOST_OTHERS && left < most_left(least) {
-                        as_good.push(next.settings);
-                        let names = match names.is_empty() {
-                            true => FOUND.to_owned(),
-                            false => names.join(WITH),
-                        };
-                        if !or.contains(&names) {
-                            or.push(names);
-                        }
-                    }
-                    let spreads = self.spread_instead(&without, &costs)?;
+                    let spreads = self.spread_instead(&removal.best, &costs)?;
                     if !spreads.is_empty() {
-                        as_good.push(without.settings.clone());
+                        as_good.push(removal.best.settings.clone());
                     }
                     or.extend(spreads);
                 }
+                let mut names = BTreeSet::new();
+                or.retain(|one| names.insert(one.clone()));
                 found.push(Found {
-                    knob: taken_back,
+                    knob: removal.knob,
                     literal,
                     number: None,
                     or,
                     as_good,
-                    saves,
-                    is_shaky: is_weak && saves < LUCK,
-                    left: self.left(&without, model),
-                    shown_by: self.shows(&without, model),
+                    saves: removal.saves,
+                    is_shaky: is_weak && removal.saves < LUCK,
+                    left: self.left(&removal.best, model),
+                    shown_by: self.shows(&removal.best, model),
                 });
             }
-            let in_doubt = found.iter().filter(|one| !one.or.is_empty());
-            let in_doubt: Vec<usize> = in_doubt.map(|one| one.knob).collect();
-            for one in &mut found {
-                one.is_shaky &= in_doubt.iter().any(|other| *other != one.knob);
+            for at in 0..found.len() {
+                let one = &found[at];
+                found[at].is_shaky = one.is_shaky
+                    && one.or.is_empty()
+                    && self.is_needless(model, &found, one.knob)?;
             }
             return Ok(found);
         }
+    }
+
+    /// Takes back the changes that save no more than luck, the least one first; returns the model without each of the
+    /// others, and its costs.
+    fn take_back(&self, model: &mut Model) -> Result<(Vec<Removal>, Costs), String> {
+        loop {
+            let costs = self.costs(model)?;
+            let changed = self.changed(&model.settings).into_iter();
+            let removals = changed.map(|knob| self.removal(model, &costs, knob));
+            let removals = removals.collect::<Result<Vec<_>, _>>()?;
+            let by_luck = removals.iter().filter(|one| one.saves < one.least);
+            match by_luck.min_by(|one, other| one.saves.total_cmp(&other.saves)) {
+                Some(least) => *model = self.model(&least.best.settings, 1.0)?,
+                None => return Ok((removals, costs)),
+            }
+        }
+    }
+
+    /// A model, which has these costs, without a change.
+    fn removal(&self, model: &Model, costs: &Costs, knob: usize) -> Result<Removal, String> {
+        let about = &self.knobs[knob];
+        let settings = about.set(&model.settings, &about.default_in(&model.settings));
+        let settings = settings.ok_or_else(|| format!("{} cannot be taken back", about.key))?;
+        let plain = self.moved(model, vec![settings])?.remove(0);
+        let best = self.polish(plain.clone(), &self.numbers(&plain.settings), f64::INFINITY)?;
+        let (saves, least) = self.gain(&self.costs(&best)?, costs);
+        Ok(Removal {
+            knob,
+            plain,
+            best,
+            saves,
+            least,
+        })
+    }
+
+    /// Returns whether a change saves no more than luck in a model with another instead of one of the found.
+    fn is_needless(&self, model: &Model, found: &[Found], knob: usize) -> Result<bool, String> {
+        for settings in found.iter().flat_map(|one| &one.as_good) {
+            let with = self.moved(model, vec![settings.clone()])?.remove(0);
+            let removal = self.removal(&with, &self.costs(&with)?, knob)?;
+            if removal.saves < removal.least {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Models with another setting instead of the removed one, the best first, and with two; and their names. The
     /// other numbers stay where they are: without the removed one, their best values are far off.
     fn instead(
         &self,
-        without: &Model,
-        taken_back: usize,
+        removal: &Removal,
         literal: &str,
         trials: &[Trial],
     ) -> Result<Vec<(Vec<String>, Model)>, String> {
+        let (taken_back, without) = (removal.knob, &removal.plain);
         let changed = self.changed(&without.settings);
         // Numbers that by first order save anything alone.
         let promised = self.promises(without, &[], trials.iter(), self.margin() / 4.0)?;
@@ -267,11 +301,10 @@ impl Search<'_> {
     fn numbers_instead(
         &self,
         model: &Model,
-        plain: &Model,
-        taken_back: usize,
+        removal: &Removal,
         trials: &[Trial],
     ) -> Result<(Vec<String>, Model), String> {
-        let settings = self.explained_by_others(plain, taken_back, trials)?;
+        let settings = self.explained_by_others(&removal.plain, removal.knob, trials)?;
         // With the scatter of the model as it is, so that costs can be compared.
         let next = self.moved(model, vec![settings])?.remove(0);
         let before = self.changed(&model.settings);
