@@ -17,7 +17,7 @@ use super::report::{FieldRow, Report};
 use super::search::{Doubt, Findings, Search, Verdict};
 use super::{header, plan_of};
 
-fn with(changes: &[String]) -> SimSettings {
+pub(super) fn with(changes: &[String]) -> SimSettings {
     let mut settings = SimSettings::new(SHIPPED);
     for change in changes {
         let (key, value) = parse_assignment("--set", change).unwrap();
@@ -29,7 +29,7 @@ fn with(changes: &[String]) -> SimSettings {
 }
 
 /// The manoeuvres of an R150 whose names have one of these parts, driven with some settings.
-fn drive(parts: &[&str], settings: &SimSettings, seed: u64) -> Recording {
+pub(super) fn drive(parts: &[&str], settings: &SimSettings, seed: u64) -> Recording {
     drive_of("r150", parts, settings, seed, false)
 }
 

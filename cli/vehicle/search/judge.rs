@@ -493,3 +493,6 @@ impl Search<'_> {
         (0..self.knobs.len()).map(verdict).collect()
     }
 }
+
+#[cfg(test)]
+mod tests;
