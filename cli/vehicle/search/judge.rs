@@ -76,11 +76,16 @@ impl Search<'_> {
                 if is_weak {
                     let (names, next) = self.numbers_instead(model, &removal, trials)?;
                     let (left, least) = self.gain(&self.costs(&next)?, &costs);
-                    if names.is_empty() && left < least {
+                    let is_needless = names.is_empty() && left < least;
+                    let is_better = !names.is_empty()
+                        && swaps > 0
+                        && -left > least.max(self.margin() * names.len() as f64);
+                    if is_needless || is_better {
+                        swaps -= usize::from(is_better);
                         *model = self.model(&next.settings, 1.0)?;
                         continue 'model;
                     }
-                    if names.len() <= MOST_OTHERS && left < least {
+                    if left < 0.0 || names.len() <= MOST_OTHERS && left < least {
                         or.push(names.join(WITH));
                         as_good.push(next.settings);
                     }
@@ -297,7 +302,7 @@ impl Search<'_> {
     }
 
     /// The names of numbers that best explain what a removed one did, and the model with them. No names if those that
-    /// were found do.
+    /// were found do. Where many explain more than before, they are only those that are needed.
     fn numbers_instead(
         &self,
         model: &Model,
@@ -305,12 +310,23 @@ impl Search<'_> {
         trials: &[Trial],
     ) -> Result<(Vec<String>, Model), String> {
         let settings = self.explained_by_others(&removal.plain, removal.knob, trials)?;
-        // With the scatter of the model as it is, so that costs can be compared.
-        let next = self.moved(model, vec![settings])?.remove(0);
         let before = self.changed(&model.settings);
-        let mut added = self.changed(&next.settings);
-        added.retain(|at| !before.contains(at));
-        let names = added.iter().map(|at| self.knobs[*at].name()).collect();
+        let added = |settings: &SimSettings| {
+            let mut added = self.changed(settings);
+            added.retain(|at| !before.contains(at));
+            added
+        };
+        // With the scatter of the model as it is, so that costs can be compared.
+        let mut next = self.moved(model, vec![settings])?.remove(0);
+        if added(&next.settings).len() > MOST_OTHERS
+            && self.cost(&next, false) < self.cost(model, false)
+        {
+            let mut fewer = self.model(&next.settings, 1.0)?;
+            self.take_back(&mut fewer)?;
+            next = self.moved(model, vec![fewer.settings])?.remove(0);
+        }
+        let added = added(&next.settings).into_iter();
+        let names = added.map(|at| self.knobs[at].name()).collect();
         Ok((names, next))
     }
 
