@@ -77,9 +77,10 @@ impl Search<'_> {
                     let (names, next) = self.numbers_instead(model, &removal, trials)?;
                     let (left, least) = self.gain(&self.costs(&next)?, &costs);
                     let is_needless = names.is_empty() && left < least;
-                    let is_better = !names.is_empty()
-                        && swaps > 0
-                        && -left > least.max(self.margin() * names.len() as f64);
+                    // Each number more than before has to save as much as any change.
+                    let more = names.len().saturating_sub(1) as f64;
+                    let is_better =
+                        !names.is_empty() && swaps > 0 && -left > least.max(self.margin() * more);
                     if is_needless || is_better {
                         swaps -= usize::from(is_better);
                         *model = self.model(&next.settings, 1.0)?;
