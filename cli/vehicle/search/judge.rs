@@ -1,12 +1,13 @@
 //! Which changes are needed, which others explain as much, and the result for each setting.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 
+use super::super::knob::Knob;
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::Seen;
 use super::grow::NEEDED;
@@ -21,9 +22,11 @@ const WIDE: f64 = 3.0;
 /// Changes of another number that are tried instead of a setting, in steps, and how many settings are tried.
 const INSTEAD: [f64; 6] = [-5.5, -2.0, -0.7, 0.7, 2.0, 5.5];
 const MOST_INSTEAD: usize = 2;
+/// Changes of a spread that are tried instead of a number, in steps, each from the best so far.
+const SPREADS: [f64; 5] = [4.0, 2.0, 1.0, 0.5, 0.25];
 /// How many of them are tried by two.
 const MOST_PAIRED: usize = 6;
-/// Most numbers that are named instead of one. More of them explain almost anything.
+/// Most numbers that are named instead of one, unless they explain more. Many explain almost as much as anything.
 const MOST_OTHERS: usize = 3;
 /// Word between two settings that explain together as much as one.
 const WITH: &str = " with ";
@@ -74,47 +77,51 @@ impl Search<'_> {
                 let (mut or, mut as_good) = (Vec::new(), Vec::new());
                 let is_weak = knob.choices.is_empty() && linear.need(removal.knob) < NEEDED;
                 if is_weak {
-                    let (names, next) = self.numbers_instead(model, &removal, trials)?;
-                    let (left, least) = self.gain(&self.costs(&next)?, &costs);
+                    let (names, next) = self.numbers_instead(model, &costs, &removal, trials)?;
+                    let by_next = self.costs(&next)?;
+                    let ((left, least), (saves, _)) =
+                        (self.gain(&by_next, &costs), self.gain(&costs, &by_next));
                     let is_needless = names.is_empty() && left < least;
-                    // Each number more than before has to save as much as any change.
-                    let more = names.len().saturating_sub(1) as f64;
                     let is_better =
-                        !names.is_empty() && swaps > 0 && -left > least.max(self.margin() * more);
+                        !names.is_empty() && swaps > 0 && saves > self.for_others(&names, least);
                     if is_needless || is_better {
                         swaps -= usize::from(is_better);
                         *model = self.model(&next.settings, 1.0)?;
                         continue 'model;
                     }
-                    if left < 0.0 || names.len() <= MOST_OTHERS && left < least {
+                    if saves > 0.0 || names.len() <= MOST_OTHERS && left < least {
                         or.push(names.join(WITH));
                         as_good.push(next.settings);
                     }
                 }
                 let mut others = self.instead(&removal, &literal, trials)?;
                 others.extend(self.two_instead(model, &linear, removal.knob)?);
-                let mut better: Option<Model> = None;
+                let mut better: Option<(f64, Model)> = None;
                 for (names, tried) in others {
                     let numbers = self.numbers(&tried.settings);
                     let goal = cost + removal.least + self.margin() + LUCK;
                     let tried = self.polish(tried, &numbers, goal)?;
                     let by_tried = self.costs(&tried)?;
                     let (saves, least) = self.gain(&costs, &by_tried);
-                    if saves > least.max(self.margin() * names.len() as f64) && swaps > 0 {
-                        better = Some(tried);
+                    if saves > self.for_others(&names, least) && swaps > 0 {
+                        if better.as_ref().is_none_or(|better| saves > better.0) {
+                            better = Some((saves, tried));
+                        }
                     } else if self.gain(&by_tried, &costs).0 < least {
                         or.push(names.join(WITH));
                         as_good.push(tried.settings);
                     }
                 }
-                if let Some(better) = better {
+                if let Some((_, better)) = better {
                     swaps -= 1;
                     *model = self.model(&better.settings, 1.0)?;
                     continue 'model;
                 }
-                if is_weak {
-                    let spreads = self.spread_instead(&removal.best, &costs)?;
+                // Also of a time that is not weak: a spread far from that of the model has another mean.
+                if is_weak || knob.is_time() {
+                    let spreads = self.spread_instead(&removal, &costs)?;
                     if !spreads.is_empty() {
+                        // Without the number, whose place only times take.
                         as_good.push(removal.best.settings.clone());
                     }
                     or.extend(spreads);
@@ -141,6 +148,12 @@ impl Search<'_> {
             }
             return Ok(found);
         }
+    }
+
+    /// Cost that others have to save where they are taken instead of one: more than by luck, and as much as any change
+    /// for each further one.
+    fn for_others(&self, names: &[String], least: f64) -> f64 {
+        least.max(self.margin() * names.len().saturating_sub(1) as f64)
     }
 
     /// Takes back the changes that save no more than luck, the least one first; returns the model without each of the
@@ -303,10 +316,11 @@ impl Search<'_> {
     }
 
     /// The names of numbers that best explain what a removed one did, and the model with them. No names if those that
-    /// were found do. Where many explain more than before, they are only those that are needed.
+    /// were found do. Where many explain more than the model, which has these costs, they are only those that are needed.
     fn numbers_instead(
         &self,
         model: &Model,
+        costs: &Costs,
         removal: &Removal,
         trials: &[Trial],
     ) -> Result<(Vec<String>, Model), String> {
@@ -320,7 +334,7 @@ impl Search<'_> {
         // With the scatter of the model as it is, so that costs can be compared.
         let mut next = self.moved(model, vec![settings])?.remove(0);
         if added(&next.settings).len() > MOST_OTHERS
-            && self.cost(&next, false) < self.cost(model, false)
+            && self.gain(costs, &self.costs(&next)?).0 > 0.0
         {
             let mut fewer = self.model(&next.settings, 1.0)?;
             self.take_back(&mut fewer)?;
@@ -332,29 +346,55 @@ impl Search<'_> {
     }
 
     /// Names of the settings of a spread that explain as much as a removed number: a wider spread has another mean.
-    fn spread_instead(&self, without: &Model, costs: &Costs) -> Result<Vec<String>, String> {
+    fn spread_instead(&self, removal: &Removal, costs: &Costs) -> Result<Vec<String>, String> {
         let mut names = Vec::new();
-        for knob in self.knobs.iter().filter(|knob| knob.key.contains("spread")) {
-            let moved = INSTEAD
-                .iter()
-                .filter_map(|steps| knob.moved(&without.settings, *steps));
-            for settings in moved {
-                let mut next = self.model(&settings, 1.0)?;
-                // A wide scatter explains everything, so only the means are compared.
-                let cells = next.cells.iter_mut().flatten();
-                for (cell, before) in cells.zip(without.cells.iter().flatten()) {
-                    if cell.form == before.form {
-                        Arc::make_mut(cell).sd.clone_from(&before.sd);
-                    }
-                }
-                let (saves, least) = self.gain(&self.costs(&next)?, costs);
+        let is_spread = |knob: &&Knob| knob.key.contains("spread") && knob.is_time();
+        for knob in self.knobs.iter().filter(is_spread) {
+            let mut settings = removal.best.settings.clone();
+            // Cost that the number still saves, and the least that is no luck.
+            let (mut saves, mut least) = (removal.saves, removal.least);
+            for steps in SPREADS.into_iter().flat_map(|steps| [-steps, steps]) {
                 if saves < least {
-                    names.push(knob.name());
                     break;
                 }
+                if let Some(moved) = knob.moved(&settings, steps) {
+                    let next = self.with_times(&removal.best, &moved)?;
+                    let gain = self.gain(&self.costs(&next)?, costs);
+                    if gain.0 < saves {
+                        (saves, least) = gain;
+                        settings = moved;
+                    }
+                }
+            }
+            if saves < least {
+                names.push(knob.name());
             }
         }
         Ok(names)
+    }
+
+    /// A model with the mean times to reply of these settings, and its own scatter, since a wide one explains everything.
+    fn with_times(&self, model: &Model, settings: &SimSettings) -> Result<Model, String> {
+        let other = self.model(settings, 1.0)?;
+        let others = other.cells.iter().flatten();
+        // Of all replies of a form, since the mean of one in a few plays is chance.
+        let mut later: BTreeMap<_, Vec<f64>> = BTreeMap::new();
+        for (cell, other) in model.cells.iter().flatten().zip(others) {
+            if cell.form == other.form
+                && let Some((time, other)) = cell.mean.first().zip(other.mean.first())
+            {
+                later.entry(cell.form).or_default().push(other - time);
+            }
+        }
+        let mut next = model.clone();
+        for cell in next.cells.iter_mut().flatten() {
+            if let Some(all) = later.get(&cell.form)
+                && let Some(time) = Arc::make_mut(cell).mean.first_mut()
+            {
+                *time += all.iter().sum::<f64>() / all.len() as f64;
+            }
+        }
+        Ok(next)
     }
 
     /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
