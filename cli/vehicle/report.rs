@@ -108,7 +108,7 @@ pub(super) struct SettingRow {
     pub(super) number: Option<(f64, [Option<f64>; 2], String)>,
     #[serde(skip)]
     is_whole: bool,
-    /// Settings that explain the recording nearly as well.
+    /// Settings that explain as much.
     pub(super) or: Vec<String>,
     /// The evidence for it, or what would be evidence.
     pub(super) why: String,
@@ -209,13 +209,10 @@ fn not_written(search: &Search<'_>, found: &Found) -> String {
         return "too little of the recording takes part".to_owned();
     }
     match search.doubt(found) {
-        Some(Doubt::Others) => format!(
-            "one of these explains it nearly as well: {}",
-            found.or.join(", ")
-        ),
+        Some(Doubt::Others) => format!("one of these explains as much: {}", found.or.join(", ")),
         Some(Doubt::Left) => "too much is left of what it changes".to_owned(),
         Some(Doubt::Shaky) => {
-            "it shows little, and is not needed if another is in the place of one that was found"
+            "it saves little, and nothing where another setting replaces one that was found"
                 .to_owned()
         }
         Some(Doubt::Before) => "the value before is within its interval".to_owned(),

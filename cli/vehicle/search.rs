@@ -98,7 +98,7 @@ pub(super) struct Found {
     pub(super) literal: String,
     /// A number, and the ends of its 99 % interval; `None` for an open end.
     pub(super) number: Option<(f64, [Option<f64>; 2])>,
-    /// Settings that explain the recording nearly as well.
+    /// Settings that explain as much.
     pub(super) or: Vec<String>,
     /// The settings of each model with one of those instead of it.
     as_good: Vec<SimSettings>,
@@ -115,11 +115,11 @@ pub(super) struct Found {
 /// Why a change that was found is not certain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Doubt {
-    /// Others explain nearly as much.
+    /// Others explain as much.
     Others,
     /// Too much is left of what it changes.
     Left,
-    /// It is not needed with another change instead of one that was found.
+    /// It saves little, and nothing where another setting replaces one that was found.
     Shaky,
     /// The value before is within the interval.
     Before,

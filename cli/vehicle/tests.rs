@@ -272,7 +272,7 @@ fn choices_that_a_drive_does_not_tell_apart_are_not_decided() {
     assert_eq!((&**name, or.len()), ("r150.over_rate", 1), "{claims:?}");
     assert!(!findings.verdicts.contains(&Verdict::Contradicted));
     let text = Report::of(&search, &findings).fit_text();
-    let since = "not written   r150.over_rate, since one of these explains it nearly as well: ";
+    let since = "not written   r150.over_rate, since one of these explains as much: ";
     assert!(text.contains(since), "{text}");
     assert!(
         text.contains("(nothing is certain enough: nothing is written but as a comment)"),

@@ -25,8 +25,8 @@ const ADDED: usize = 4;
 const CHANCE: f64 = 1.1;
 /// Most searches of the whole recordings from where one ended.
 const MOST_AGAIN: usize = 3;
-/// First-order saving above which the search does not try to take a change back. Nor does it look for others that explain
-/// what it does, since that takes long.
+/// First-order saving above which the search, while it grows, does not try to take a change back. At its end it does not
+/// look for other numbers that explain what such a change does, since that takes long.
 pub(super) const NEEDED: f64 = 1000.0;
 
 /// Settings, by what was changed: choices with their values.
