@@ -257,12 +257,6 @@ impl Knob {
         }
     }
 
-    /// Returns whether its number is a time.
-    pub(super) fn is_time(&self) -> bool {
-        let one = |unit| parse_quantity(&format!("1 {unit}"), "s");
-        matches!(&self.form, Form::One(unit) | Form::Whole(unit) if one(unit).is_ok())
-    }
-
     /// The value before anything was found, where the others of a version stand in `settings`.
     pub(super) fn default_in(&self, settings: &SimSettings) -> String {
         match self.form {

@@ -212,7 +212,7 @@ fn not_written(search: &Search<'_>, found: &Found) -> String {
         Some(Doubt::Others) => format!("one of these explains as much: {}", found.or.join(", ")),
         Some(Doubt::Left) => "too much is left of what it changes".to_owned(),
         Some(Doubt::Shaky) => {
-            "it saves little, and nothing where another setting replaces one that was found"
+            "it saves little, and no more than luck where another setting replaces one that was found"
                 .to_owned()
         }
         Some(Doubt::Before) => "the value before is within its interval".to_owned(),

@@ -104,7 +104,7 @@ pub(super) struct Found {
     as_good: Vec<SimSettings>,
     /// Cost that it saves, with the others at their best values.
     saves: f64,
-    /// Set for a number that saves little, and nothing with another change instead of one that was found.
+    /// Set for a number that saves little, and no more than luck with another change instead of one that was found.
     is_shaky: bool,
     /// Residual of all that it changes, beyond chance, and the most that chance leaves.
     left: [f64; 2],
@@ -119,7 +119,7 @@ pub(super) enum Doubt {
     Others,
     /// Too much is left of what it changes.
     Left,
-    /// It saves little, and nothing where another setting replaces one that was found.
+    /// It saves little, and no more than luck where another setting replaces one that was found.
     Shaky,
     /// The value before is within the interval.
     Before,

@@ -408,22 +408,27 @@ fn replies_of_another_form_and_order_are_counted_by_command() {
 
 #[test]
 fn a_wider_spread_of_reply_times_is_not_taken_for_a_delay() {
-    for (spread, seed) in [
-        ("230us", 100),
-        ("252us", 99),
-        ("252us", 101),
-        ("600us", 100),
+    let find = |change: &str, seed, only: &str| {
+        let recordings = [drive(&[""], &with(&[change.to_owned()]), seed)];
+        let (search, findings) = search(&recordings, &[only]);
+        let [found] = &*findings.found else {
+            panic!("{change} {seed}: {:?}", claims(&search, &findings));
+        };
+        (search.doubt(found), found.or.clone())
+    };
+    for (spread, seed, only) in [
+        ("252us", 99, "r150.reply"),
+        ("252us", 101, "r150.reply_delay"),
+        ("600us", 100, "r150.reply"),
+        ("3ms", 100, "r150.reply"),
     ] {
-        let change = format!("r150.reply_spread=\"{spread}\"");
-        let recordings = [drive(&[""], &with(&[change]), seed)];
-        let (search, findings) = search(&recordings, &["r150.reply"]);
-        // A mean that is little later may not show.
-        assert!(!findings.found.is_empty() || spread == "230us");
-        for one in &findings.found {
-            let is_named = one.or.iter().any(|or| or == "r150.reply_spread");
-            assert!(is_named, "{spread} {seed}: {:?}", one.or);
-        }
-        assert_eq!(search.base, findings.written);
+        let (_, or) = find(&format!("r150.reply_spread=\"{spread}\""), seed, only);
+        assert_eq!(or, ["r150.reply_spread"], "{spread} {seed}");
+    }
+    // A delay makes replies later, and they scatter as before.
+    for (delay, doubt) in [("60us", Some(Doubt::Rough)), ("1ms", None)] {
+        let found = find(&format!("r150.reply_delay=\"{delay}\""), 99, "r150.reply");
+        assert_eq!(found, (doubt, Vec::new()), "{delay}");
     }
 }
 
@@ -559,7 +564,11 @@ fn tally(
         let [truth, base, written] = [changed, &search.base, &findings.written].map(value);
         let numbers = [changed, &findings.written].map(|settings| knob.number_in(settings));
         let error = (numbers[1] / numbers[0] - 1.0).abs();
-        let most = if knob.is_time() { 0.1 } else { 0.05 };
+        let most = if knob.unit().ends_with('s') {
+            0.1
+        } else {
+            0.05
+        };
         let is_inside = found
             .and_then(|found| found.number)
             .is_none_or(|(_, ends)| {

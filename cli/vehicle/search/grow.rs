@@ -26,7 +26,7 @@ const CHANCE: f64 = 1.1;
 /// Most searches of the whole recordings from where one ended.
 const MOST_AGAIN: usize = 3;
 /// First-order saving above which the search, while it grows, does not try to take a change back. At its end it does not
-/// look for other numbers that explain what such a change does, since that takes long.
+/// let all other numbers take the place of such a change, since that takes long.
 pub(super) const NEEDED: f64 = 1000.0;
 
 /// Settings, by what was changed: choices with their values.

@@ -1,19 +1,18 @@
 //! Which changes are needed, which others explain as much, and the result for each setting.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 
-use super::super::knob::Knob;
 use super::super::model::{DIFFERENT, cost};
-use super::super::recording::Seen;
+use super::super::recording::{Seen, middle};
 use super::grow::NEEDED;
 use super::linear::Linear;
 use super::numbers::SMALL_WIDTH;
-use super::{Costs, Doubt, ENOUGH, Found, LUCK, Model, Play, Search, Trial, Verdict};
+use super::{Costs, Doubt, ENOUGH, Found, LUCK, Model, Play, SHARE, Search, Trial, Verdict};
 
 /// Most changes that are exchanged for others.
 const MOST_SWAPS: usize = 8;
@@ -22,12 +21,13 @@ const WIDE: f64 = 3.0;
 /// Changes of another number that are tried instead of a setting, in steps, and how many settings are tried.
 const INSTEAD: [f64; 6] = [-5.5, -2.0, -0.7, 0.7, 2.0, 5.5];
 const MOST_INSTEAD: usize = 2;
-/// Changes of a spread that are tried instead of a number, in steps, each from the best so far.
-const SPREADS: [f64; 5] = [4.0, 2.0, 1.0, 0.5, 0.25];
 /// How many of them are tried by two.
 const MOST_PAIRED: usize = 6;
 /// Most numbers that are named instead of one, unless they explain more. Many explain almost as much as anything.
 const MOST_OTHERS: usize = 3;
+/// Least scatter of the recording, as a share of that of a wider spread, with which the spread may be the reason of later
+/// replies.
+const AS_WIDE: f64 = 0.9;
 /// Word between two settings that explain together as much as one.
 const WITH: &str = " with ";
 /// Residual of what a setting changes that is allowed, in standard deviations of chance.
@@ -117,15 +117,8 @@ impl Search<'_> {
                     *model = self.model(&better.settings, 1.0)?;
                     continue 'model;
                 }
-                // Also of a time that is not weak: a spread far from that of the model has another mean.
-                if is_weak || knob.is_time() {
-                    let spreads = self.spread_instead(&removal, &costs)?;
-                    if !spreads.is_empty() {
-                        // Without the number, whose place only times take.
-                        as_good.push(removal.best.settings.clone());
-                    }
-                    or.extend(spreads);
-                }
+                // The other numbers stay where they are with it.
+                or.extend(self.spread_instead(model, &costs, &removal)?);
                 let mut names = BTreeSet::new();
                 or.retain(|one| names.insert(one.clone()));
                 found.push(Found {
@@ -345,56 +338,54 @@ impl Search<'_> {
         Ok((names, next))
     }
 
-    /// Names of the settings of a spread that explain as much as a removed number: a wider spread has another mean.
-    fn spread_instead(&self, removal: &Removal, costs: &Costs) -> Result<Vec<String>, String> {
+    /// Names of the settings of a spread that explain what a removed change did: replies are later on average with a wider
+    /// spread, and scatter more.
+    fn spread_instead(
+        &self,
+        model: &Model,
+        costs: &Costs,
+        removal: &Removal,
+    ) -> Result<Vec<String>, String> {
+        let plain = &removal.plain;
+        let later = time_between(plain, model);
         let mut names = Vec::new();
-        let is_spread = |knob: &&Knob| knob.key.contains("spread") && knob.is_time();
-        for knob in self.knobs.iter().filter(is_spread) {
-            let mut settings = removal.best.settings.clone();
-            // Cost that the number still saves, and the least that is no luck.
-            let (mut saves, mut least) = (removal.saves, removal.least);
-            for steps in SPREADS.into_iter().flat_map(|steps| [-steps, steps]) {
-                if saves < least {
-                    break;
-                }
-                if let Some(moved) = knob.moved(&settings, steps) {
-                    let next = self.with_times(&removal.best, &moved)?;
-                    let gain = self.gain(&self.costs(&next)?, costs);
-                    if gain.0 < saves {
-                        (saves, least) = gain;
-                        settings = moved;
-                    }
-                }
+        if later == 0.0 {
+            return Ok(names);
+        }
+        let mut all_later = plain.clone();
+        for cell in all_later.cells.iter_mut().flatten() {
+            if let Some(time) = Arc::make_mut(cell).mean.first_mut() {
+                *time += later;
             }
-            if saves < least {
+        }
+        let (left, least) = self.gain(&self.costs(&all_later)?, costs);
+        let is_time = left < least.max(SHARE * removal.saves);
+        let spreads = self.all.iter().filter(|knob| knob.key.contains("spread"));
+        for knob in spreads.filter(|_| is_time) {
+            let Some(one_step) = knob.moved(&plain.settings, 1.0) else {
+                continue;
+            };
+            let [now, moved] = [&plain.settings, &one_step].map(|one| knob.number_in(one));
+            let by_step = time_between(plain, &self.model(&one_step, 1.0)?);
+            let number = now + (moved - now) * later / by_step;
+            let Some(settings) = knob.set_number(&plain.settings, number) else {
+                continue;
+            };
+            let wide = self.model(&settings, 1.0)?;
+            let scatter = |seen: &[Seen]| {
+                let late = self.slots(false).filter_map(|(at, slot)| {
+                    let cell = &wide.cells[at][slot];
+                    let reply = seen[at][slot].as_ref();
+                    let reply = reply.filter(|reply| Some(reply.form) == cell.form)?;
+                    Some(reply.values.first()? - cell.mean.first()?)
+                });
+                middle(&late.collect::<Vec<_>>()).1
+            };
+            if scatter(&self.vehicle) > AS_WIDE * scatter(&wide.fresh[0]) {
                 names.push(knob.name());
             }
         }
         Ok(names)
-    }
-
-    /// A model with the mean times to reply of these settings, and its own scatter, since a wide one explains everything.
-    fn with_times(&self, model: &Model, settings: &SimSettings) -> Result<Model, String> {
-        let other = self.model(settings, 1.0)?;
-        let others = other.cells.iter().flatten();
-        // Of all replies of a form, since the mean of one in a few plays is chance.
-        let mut later: BTreeMap<_, Vec<f64>> = BTreeMap::new();
-        for (cell, other) in model.cells.iter().flatten().zip(others) {
-            if cell.form == other.form
-                && let Some((time, other)) = cell.mean.first().zip(other.mean.first())
-            {
-                later.entry(cell.form).or_default().push(other - time);
-            }
-        }
-        let mut next = model.clone();
-        for cell in next.cells.iter_mut().flatten() {
-            if let Some(all) = later.get(&cell.form)
-                && let Some(time) = Arc::make_mut(cell).mean.first_mut()
-            {
-                *time += all.iter().sum::<f64>() / all.len() as f64;
-            }
-        }
-        Ok(next)
     }
 
     /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
@@ -530,18 +521,18 @@ impl Search<'_> {
                     false => Verdict::NotDecided,
                 };
             }
+            let doubted = found
+                .iter()
+                .flat_map(|one| &one.or)
+                .any(|or| or.split(WITH).any(|one| one == knob.name()));
             let tried = || trials.iter().filter(|trial| trial.knob == at);
-            if !tried().any(|trial| trial.touches) {
+            if !doubted && !tried().any(|trial| trial.touches) {
                 return Verdict::NotTouched;
             }
             let excluded = |trial: &Trial| {
                 let change = [&**trial.from, &trial.to];
                 self.saved(model, change, 1.0) < -self.margin()
             };
-            let doubted = found
-                .iter()
-                .flat_map(|one| &one.or)
-                .any(|or| or.split(WITH).any(|one| one == knob.name()));
             match tried().all(excluded) && !doubted {
                 true => Verdict::Supported,
                 false => Verdict::NotDecided,
@@ -549,6 +540,20 @@ impl Search<'_> {
         };
         (0..self.knobs.len()).map(verdict).collect()
     }
+}
+
+/// By how much the replies of a model are later than those of another, ms: the median.
+fn time_between(before: &Model, after: &Model) -> f64 {
+    let cells = before
+        .cells
+        .iter()
+        .flatten()
+        .zip(after.cells.iter().flatten());
+    let later = cells.filter_map(|(before, after)| {
+        let is_same = before.form == after.form;
+        is_same.then_some(after.mean.first()? - before.mean.first()?)
+    });
+    middle(&later.collect::<Vec<_>>()).0
 }
 
 #[cfg(test)]
