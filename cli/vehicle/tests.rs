@@ -480,14 +480,15 @@ fn the_file_keeps_what_its_file_had_and_the_decided_parts_of_a_version() {
     }
 }
 
-/// Every setting, one at a time, over the whole drive; prints what is found. `DEVICE=mecanum` is the car, and `ONLY` is
-/// a part of the settings' names.
+/// Every setting, one at a time, over the whole drive; prints what is found. `DEVICE=mecanum` is the car, `ONLY` is
+/// a part of the settings' names, and `STEPS` is by how many steps a number changes.
 #[test]
 #[ignore = "takes an hour; prints what is found"]
 fn campaign_of_single_changes() {
     let (mut wrong, mut right) = (0, 0);
     let only = std::env::var("ONLY").unwrap_or_default();
     let device = std::env::var("DEVICE").unwrap_or("r150".to_owned());
+    let steps: f64 = std::env::var("STEPS").map_or(1.3, |steps| steps.parse().unwrap());
     for knob in Knob::all(&with(&[]), &device, &[])
         .iter()
         .filter(|knob| knob.key.contains(&only))
@@ -496,7 +497,7 @@ fn campaign_of_single_changes() {
         values.retain(|one| *one != knob.default);
         if knob.choices.is_empty() {
             let value = knob.number_in(&with(&[]));
-            values.push(knob.literal(&with(&[]), value + 1.3 * knob.step));
+            values.push(knob.literal(&with(&[]), value + steps * knob.step));
         }
         for value in values {
             let change = format!("{}={value}", knob.key);
