@@ -98,6 +98,8 @@ pub(super) struct Found {
     pub(super) literal: String,
     /// A number, and the ends of its 99 % interval; `None` for an open end.
     pub(super) number: Option<(f64, [Option<f64>; 2])>,
+    /// Share of what it does that a wider spread of times to reply explains.
+    by_spread: f64,
     /// Settings that explain as much.
     pub(super) or: Vec<String>,
     /// The settings of each model with one of those instead of it.

@@ -408,27 +408,46 @@ fn replies_of_another_form_and_order_are_counted_by_command() {
 
 #[test]
 fn a_wider_spread_of_reply_times_is_not_taken_for_a_delay() {
-    let find = |change: &str, seed, only: &str| {
-        let recordings = [drive(&[""], &with(&[change.to_owned()]), seed)];
-        let (search, findings) = search(&recordings, &[only]);
-        let [found] = &*findings.found else {
-            panic!("{change} {seed}: {:?}", claims(&search, &findings));
+    const DELAY: &str = "r150.reply_delay";
+    const SPREAD: &str = "r150.reply_spread";
+    let find = |part: &str, base: &str, changes: &[(&str, &str)], only: &str| {
+        let set = |(key, value): &(&str, &str)| format!("{key}=\"{value}\"");
+        let changed = with(&changes.iter().map(set).collect::<Vec<_>>());
+        let has_poses = part == "step";
+        let recordings = [drive_of("r150", &[part], &changed, 99, has_poses)];
+        let base = with(&[set(&(DELAY, base))]);
+        let search = Search::new(&recordings, base, &[only.to_owned()]);
+        let findings = search.run().unwrap();
+        let claims = claims(&search, &findings);
+        let [(.., Some((_, [Some(low), Some(high)])), or)] = &*claims else {
+            panic!("{changes:?}: {claims:?}");
         };
-        (search.doubt(found), found.or.clone())
+        let truth = search.knobs[findings.found[0].knob].number_in(&changed);
+        let is_inside = (low..=high).contains(&&truth);
+        (or.clone(), findings.written != search.base, is_inside)
     };
-    for (spread, seed, only) in [
-        ("252us", 99, "r150.reply"),
-        ("252us", 101, "r150.reply_delay"),
-        ("600us", 100, "r150.reply"),
-        ("3ms", 100, "r150.reply"),
+    for (part, spread, only) in [
+        ("", "252us", "r150.reply"),
+        ("", "252us", DELAY),
+        ("step", "600us", "r150.reply"),
+        ("small", "3ms", "r150.reply"),
     ] {
-        let (_, or) = find(&format!("r150.reply_spread=\"{spread}\""), seed, only);
-        assert_eq!(or, ["r150.reply_spread"], "{spread} {seed}");
+        let (or, is_written, _) = find(part, "0ms", &[(SPREAD, spread)], only);
+        assert_eq!(
+            (or, is_written),
+            (vec![SPREAD.to_owned()], false),
+            "{part} {spread}"
+        );
     }
     // A delay makes replies later, and they scatter as before.
-    for (delay, doubt) in [("60us", Some(Doubt::Rough)), ("1ms", None)] {
-        let found = find(&format!("r150.reply_delay=\"{delay}\""), 99, "r150.reply");
-        assert_eq!(found, (doubt, Vec::new()), "{delay}");
+    for (part, base, changes, is_certain) in [
+        ("", "0ms", &[(DELAY, "60us")][..], false),
+        ("small", "0ms", &[(DELAY, "1ms")], true),
+        ("small", "1.1ms", &[(DELAY, "1ms")], true),
+        ("small", "0ms", &[(DELAY, "1ms"), (SPREAD, "350us")], true),
+    ] {
+        let found = find(part, base, changes, "r150.reply");
+        assert_eq!(found, (vec![], is_certain, true), "{base} {changes:?}");
     }
 }
 

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 
+use super::super::knob::Knob;
 use super::super::model::{DIFFERENT, cost};
 use super::super::recording::{Seen, middle};
 use super::grow::NEEDED;
@@ -25,9 +26,9 @@ const MOST_INSTEAD: usize = 2;
 const MOST_PAIRED: usize = 6;
 /// Most numbers that are named instead of one, unless they explain more. Many explain almost as much as anything.
 const MOST_OTHERS: usize = 3;
-/// Least scatter of the recording, as a share of that of a wider spread, with which the spread may be the reason of later
-/// replies.
-const AS_WIDE: f64 = 0.9;
+/// End of the names of settings of a spread, and the share of a number that it may explain before it is named.
+const SPREAD: &str = "reply_spread";
+const MOST_BY_SPREAD: f64 = 0.25;
 /// Word between two settings that explain together as much as one.
 const WITH: &str = " with ";
 /// Residual of what a setting changes that is allowed, in standard deviations of chance.
@@ -117,14 +118,20 @@ impl Search<'_> {
                     *model = self.model(&better.settings, 1.0)?;
                     continue 'model;
                 }
-                // The other numbers stay where they are with it.
-                or.extend(self.spread_instead(model, &costs, &removal)?);
+                let by_spread = self.by_spread(model, &costs, &removal)?;
+                let spreads = self.all.iter().filter(|knob| knob.key.ends_with(SPREAD));
+                or.extend(
+                    spreads
+                        .filter(|_| by_spread > MOST_BY_SPREAD)
+                        .map(Knob::name),
+                );
                 let mut names = BTreeSet::new();
                 or.retain(|one| names.insert(one.clone()));
                 found.push(Found {
                     knob: removal.knob,
                     literal,
                     number: None,
+                    by_spread,
                     or,
                     as_good,
                     saves: removal.saves,
@@ -338,54 +345,43 @@ impl Search<'_> {
         Ok((names, next))
     }
 
-    /// Names of the settings of a spread that explain what a removed change did: replies are later on average with a wider
-    /// spread, and scatter more.
-    fn spread_instead(
-        &self,
-        model: &Model,
-        costs: &Costs,
-        removal: &Removal,
-    ) -> Result<Vec<String>, String> {
+    /// Share of what a removed number did that a wider spread of times to reply explains: replies are later on average
+    /// with it, and scatter more.
+    fn by_spread(&self, model: &Model, costs: &Costs, removal: &Removal) -> Result<f64, String> {
+        let times = |model: &Model, from: &dyn Fn(usize, usize) -> Option<f64>| {
+            let all = self.slots(false).filter_map(|(at, slot)| {
+                let time = *model.cells[at][slot].mean.first()?;
+                // A pose, and a message without a request, have no time to reply.
+                (time > 0.0).then_some(from(at, slot)? - time)
+            });
+            middle(&all.collect::<Vec<_>>())
+        };
         let plain = &removal.plain;
-        let later = time_between(plain, model);
-        let mut names = Vec::new();
+        let later = times(plain, &|at, slot| {
+            model.cells[at][slot].mean.first().copied()
+        })
+        .0;
         if later == 0.0 {
-            return Ok(names);
+            return Ok(0.0);
         }
         let mut all_later = plain.clone();
         for cell in all_later.cells.iter_mut().flatten() {
-            if let Some(time) = Arc::make_mut(cell).mean.first_mut() {
+            if let Some(time) = Arc::make_mut(cell).mean.first_mut()
+                && *time > 0.0
+            {
                 *time += later;
             }
         }
         let (left, least) = self.gain(&self.costs(&all_later)?, costs);
-        let is_time = left < least.max(SHARE * removal.saves);
-        let spreads = self.all.iter().filter(|knob| knob.key.contains("spread"));
-        for knob in spreads.filter(|_| is_time) {
-            let Some(one_step) = knob.moved(&plain.settings, 1.0) else {
-                continue;
-            };
-            let [now, moved] = [&plain.settings, &one_step].map(|one| knob.number_in(one));
-            let by_step = time_between(plain, &self.model(&one_step, 1.0)?);
-            let number = now + (moved - now) * later / by_step;
-            let Some(settings) = knob.set_number(&plain.settings, number) else {
-                continue;
-            };
-            let wide = self.model(&settings, 1.0)?;
-            let scatter = |seen: &[Seen]| {
-                let late = self.slots(false).filter_map(|(at, slot)| {
-                    let cell = &wide.cells[at][slot];
-                    let reply = seen[at][slot].as_ref();
-                    let reply = reply.filter(|reply| Some(reply.form) == cell.form)?;
-                    Some(reply.values.first()? - cell.mean.first()?)
-                });
-                middle(&late.collect::<Vec<_>>()).1
-            };
-            if scatter(&self.vehicle) > AS_WIDE * scatter(&wide.fresh[0]) {
-                names.push(knob.name());
-            }
+        if left >= least.max(SHARE * removal.saves) {
+            return Ok(0.0);
         }
-        Ok(names)
+        let scatter = |seen: &[Seen]| {
+            let time = |at: usize, slot: usize| seen[at][slot].as_ref()?.values.first().copied();
+            times(model, &time).1
+        };
+        // The mean of an even spread is twice its median deviation.
+        Ok(2.0 * (scatter(&self.vehicle) - scatter(&model.fresh[0])) / later)
     }
 
     /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
@@ -491,8 +487,10 @@ impl Search<'_> {
             // With another change instead of a found one, it has another value.
             let others = found.iter().filter(|other| other.knob != one.knob);
             let [least, most] = knob.moves(value, others.map(|other| &*other.as_good));
-            let low = low.map(|low| low.min(knob.beyond(value, -by_itself)));
-            let high = high.map(|high| high.max(knob.beyond(value, by_itself)));
+            let before = knob.number_in(&self.base);
+            let with_spread = value + one.by_spread * (before - value);
+            let low = low.map(|low| low.min(with_spread).min(knob.beyond(value, -by_itself)));
+            let high = high.map(|high| high.max(with_spread).max(knob.beyond(value, by_itself)));
             let low = low.map(|low| knob.beyond(low, least).min(knob.beyond(value, -by_others)));
             let high = high.map(|high| knob.beyond(high, most).max(knob.beyond(value, by_others)));
             all.push(Some((value, [low, high])));
@@ -540,20 +538,6 @@ impl Search<'_> {
         };
         (0..self.knobs.len()).map(verdict).collect()
     }
-}
-
-/// By how much the replies of a model are later than those of another, ms: the median.
-fn time_between(before: &Model, after: &Model) -> f64 {
-    let cells = before
-        .cells
-        .iter()
-        .flatten()
-        .zip(after.cells.iter().flatten());
-    let later = cells.filter_map(|(before, after)| {
-        let is_same = before.form == after.form;
-        is_same.then_some(after.mean.first()? - before.mean.first()?)
-    });
-    middle(&later.collect::<Vec<_>>()).0
 }
 
 #[cfg(test)]

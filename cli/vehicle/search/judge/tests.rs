@@ -31,6 +31,7 @@ fn only_a_change_that_something_needs_stays() {
             knob: mass,
             literal: String::new(),
             number: None,
+            by_spread: 0.0,
             or: Vec::new(),
             as_good: vec![as_good],
             saves: 0.0,
