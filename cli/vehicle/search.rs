@@ -201,9 +201,13 @@ impl<'a> Search<'a> {
     /// Searches for the changes, and judges them.
     pub(super) fn run(&self) -> Result<Findings, String> {
         let assumed = self.model(&self.base, 1.0)?;
-        let mut model = self.model(&self.grown()?, 1.0)?;
+        let mut model = self.model(&self.grown()?.settings, 1.0)?;
         let trials = self.trials(&model, &BTreeSet::new())?;
         let mut found = self.prune(&mut model, &trials)?;
+        if let Some(better) = self.from_certain(&model, &found)? {
+            model = self.model(&better.settings, 1.0)?;
+            found = self.prune(&mut model, &trials)?;
+        }
         self.measure(&model, &mut found, &trials)?;
         let mut verdicts = self.verdicts(&model, &found, &trials);
         let mut written = self.base.clone();

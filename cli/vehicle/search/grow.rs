@@ -12,7 +12,7 @@ use rigsim_core::settings::SimSettings;
 use super::super::model::{Cell, cost};
 use super::super::recording::Recording;
 use super::numbers::FIRST_WIDTH;
-use super::{LUCK, Model, Search, Trial};
+use super::{Found, LUCK, Model, Search, Trial};
 
 /// Number of beginnings of the recordings, searched one after the other.
 const BEGINNINGS: usize = 8;
@@ -52,8 +52,8 @@ impl Promise<'_> {
 }
 
 impl Search<'_> {
-    /// The settings with which the model reproduces the recordings.
-    pub(super) fn grown(&self) -> Result<SimSettings, String> {
+    /// The model that reproduces the recordings.
+    pub(super) fn grown(&self) -> Result<Model, String> {
         let mut kept = vec![self.base.clone()];
         for part in 1..=BEGINNINGS {
             let recordings = self.recordings.iter();
@@ -78,16 +78,33 @@ impl Search<'_> {
                 kept = beginning.grow(kept, scale, is_last, &mut idle)?;
             }
         }
-        let mut model = self.again(kept)?;
-        let numbers = self.numbers(&model.settings);
-        for at in &numbers {
-            model = self.bisect(model, *at)?;
-        }
-        Ok(self.polish(model, &numbers, f64::INFINITY)?.settings)
+        self.again(kept)
     }
 
-    /// The best model of these sets, searched again from there as long as chance does not explain what is left: a
-    /// change may have been tried before another that it needs, or far from where its effect was seen.
+    /// The model that is found from the changes that are certain, if it is better. Instead of each change that is not,
+    /// others were tried, but not instead of several at once.
+    pub(super) fn from_certain(
+        &self,
+        model: &Model,
+        found: &[Found],
+    ) -> Result<Option<Model>, String> {
+        let doubted = found.iter().filter(|one| self.doubt(one).is_some());
+        if doubted.clone().count() < 2 {
+            return Ok(None);
+        }
+        let mut certain = model.settings.clone();
+        for one in doubted {
+            let knob = &self.knobs[one.knob];
+            let taken_back = knob.set(&certain, &knob.default_in(&certain));
+            certain = taken_back.unwrap_or(certain);
+        }
+        let next = self.again(vec![certain])?;
+        let saves = self.price(model, true)? - self.price(&next, true)?;
+        Ok((saves > self.margin()).then_some(next))
+    }
+
+    /// The best model of these sets at its best values, searched again from there as long as chance does not explain
+    /// what is left: a change may have been tried before another that it needs, or far from where its effect was seen.
     fn again(&self, mut kept: Vec<SimSettings>) -> Result<Model, String> {
         let mut model = self.model(&kept[0], 1.0)?;
         for _ in 0..MOST_AGAIN {
@@ -103,7 +120,11 @@ impl Search<'_> {
             }
             model = next;
         }
-        Ok(model)
+        let numbers = self.numbers(&model.settings);
+        for at in &numbers {
+            model = self.bisect(model, *at)?;
+        }
+        self.polish(model, &numbers, f64::INFINITY)
     }
 
     /// Adds changes and takes them back, from several sets of them on; returns the best sets.
