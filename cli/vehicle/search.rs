@@ -204,7 +204,7 @@ impl<'a> Search<'a> {
         let mut model = self.model(&self.grown()?.settings, 1.0)?;
         let trials = self.trials(&model, &BTreeSet::new())?;
         let mut found = self.prune(&mut model, &trials)?;
-        if let Some(better) = self.from_certain(&model, &found)? {
+        if let Some(better) = self.again_from_certain(&model, &found)? {
             model = self.model(&better.settings, 1.0)?;
             found = self.prune(&mut model, &trials)?;
         }
