@@ -81,8 +81,8 @@ impl Search<'_> {
         self.again(kept)
     }
 
-    /// The model that is found from the changes that are certain, if it explains more, or as much by fewer changes.
-    /// Instead of each change that is not certain, others were tried, but not instead of several at once.
+    /// The model that is found from the changes that are certain, if it is better. Instead of each change that is not,
+    /// others were tried, but not instead of several at once.
     pub(super) fn again_from_certain(
         &self,
         model: &Model,
@@ -99,13 +99,8 @@ impl Search<'_> {
             certain = taken_back.unwrap_or(certain);
         }
         let next = self.again(vec![certain])?;
-        let (loses, least) = self.gain(&self.costs(&next)?, &self.costs(model)?);
-        let [now, then] = [model, &next].map(|model| self.changed(&model.settings).len());
-        let is_better = match then < now {
-            true => loses < least,
-            false => -loses > self.margin() * (1 + then - now) as f64,
-        };
-        Ok(is_better.then_some(next))
+        let saves = self.price(model, true)? - self.price(&next, true)?;
+        Ok((saves > self.margin()).then_some(next))
     }
 
     /// The best model of these sets at its best values, searched again from there as long as chance does not explain
