@@ -6,7 +6,7 @@ use rigsim_core::SHIPPED;
 use rigsim_core::event::read_hex;
 use rigsim_core::settings::SimSettings;
 use rigsim_runner::trace::{Hexed, PortRecord, Record, Replay};
-use rigsim_settings::{ClientLine, Settings as _, SimTime, parse_assignment};
+use rigsim_settings::{ClientLine, Settings as _, SimTime, parse_assignment, parse_quantity};
 
 use super::knob::Knob;
 use super::page::page;
@@ -584,11 +584,8 @@ fn tally(
         let [truth, base, written] = [changed, &search.base, &findings.written].map(value);
         let numbers = [changed, &findings.written].map(|settings| knob.number_in(settings));
         let error = (numbers[1] / numbers[0] - 1.0).abs();
-        let most = if knob.unit().ends_with('s') {
-            0.1
-        } else {
-            0.05
-        };
+        let is_time = parse_quantity(&format!("1 {}", knob.unit()), "s").is_ok();
+        let most = if is_time { 0.1 } else { 0.05 };
         let is_inside = found
             .and_then(|found| found.number)
             .is_none_or(|(_, ends)| {

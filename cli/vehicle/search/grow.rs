@@ -88,6 +88,7 @@ impl Search<'_> {
         model: &Model,
         found: &[Found],
     ) -> Result<Option<Model>, String> {
+        // Their intervals, and so doubts about them, are not known yet.
         let doubted = found.iter().filter(|one| self.doubt(one).is_some());
         if doubted.clone().count() < 2 {
             return Ok(None);

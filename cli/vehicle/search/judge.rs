@@ -119,12 +119,10 @@ impl Search<'_> {
                     continue 'model;
                 }
                 let by_spread = self.by_spread(model, &costs, &removal)?;
-                let spreads = self.all.iter().filter(|knob| knob.key.ends_with(SPREAD));
-                or.extend(
-                    spreads
-                        .filter(|_| by_spread > MOST_BY_SPREAD)
-                        .map(Knob::name),
-                );
+                if by_spread > MOST_BY_SPREAD {
+                    let spreads = self.all.iter().filter(|knob| knob.key.ends_with(SPREAD));
+                    or.extend(spreads.map(Knob::name));
+                }
                 let mut names = BTreeSet::new();
                 or.retain(|one| names.insert(one.clone()));
                 found.push(Found {
@@ -357,10 +355,8 @@ impl Search<'_> {
             middle(&all.collect::<Vec<_>>())
         };
         let plain = &removal.plain;
-        let later = times(plain, &|at, slot| {
-            model.cells[at][slot].mean.first().copied()
-        })
-        .0;
+        let found = |at: usize, slot: usize| model.cells[at][slot].mean.first().copied();
+        let later = times(plain, &found).0;
         if later == 0.0 {
             return Ok(0.0);
         }
