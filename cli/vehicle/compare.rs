@@ -9,7 +9,7 @@ use rigsim_settings::parse_quantity;
 use super::knob::Knob;
 use super::recording::Recording;
 use super::report::{MARK, Report};
-use super::search::{Findings, Search};
+use super::search::{Findings, Search, read_best};
 use super::{page, plan, poses};
 use crate::args::{CompareArgs, FitArgs, PosesArgs, SettingsArgs};
 use crate::config;
@@ -88,6 +88,13 @@ fn read(
     if poses.poses.len() > recordings.len() {
         refuse!("give --poses once for each recording, in the same order");
     }
+    if recordings
+        .windows(2)
+        .any(|two| two[0].device != two[1].device)
+    {
+        refuse!("the recordings are of different vehicles");
+    }
+    read_best(&mut recordings, &settings).map_err(unplayable)?;
     let offset = match &*poses.poses_offset {
         "auto" => None,
         time => Some(
@@ -102,12 +109,6 @@ fn read(
         });
         read.with_context(|| format!("poses {}", visible::name(path)))
             .map_err(Failure::usage)?;
-    }
-    if recordings
-        .windows(2)
-        .any(|two| two[0].device != two[1].device)
-    {
-        refuse!("the recordings are of different vehicles");
     }
     let slots: usize = recordings.iter().map(|one| one.slots.len()).sum();
     if slots > MOST_SLOTS {
@@ -135,8 +136,10 @@ fn search<'a>(
         );
     }
     let search = Search::new(recordings, base, &only);
-    let findings = search
-        .run()
-        .map_err(|why| Failure::usage(anyhow!("it cannot be played: {why}")))?;
+    let findings = search.run().map_err(unplayable)?;
     Ok((search, findings))
+}
+
+fn unplayable(why: String) -> Failure {
+    Failure::usage(anyhow!("it cannot be played: {why}"))
 }

@@ -226,6 +226,11 @@ impl Knob {
         moved.find_map(|settings| settings)
     }
 
+    /// The number that is this time; `None` for what is not a time.
+    pub(super) fn number_of_time(&self, seconds: f64) -> Option<f64> {
+        parse_quantity(&format!("{seconds} s"), &self.unit()).ok()
+    }
+
     /// The number of a literal; 0 for a choice.
     pub(super) fn number_of(&self, literal: &str) -> f64 {
         let text = literal.trim_matches(['"', '[', ']']);

@@ -1,5 +1,6 @@
 //! A recording of a vehicle, and what the model answers to the same bytes at the same times.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
@@ -37,6 +38,10 @@ pub(super) struct Recording {
     devices: Devices,
     header: Header,
     pub(super) device: &'static DeviceSpec,
+    /// Settings with which the bytes of vehicle and model are read.
+    reading: SimSettings,
+    /// What the vehicle sent.
+    sent: Sent,
     /// What the client did.
     acts: Vec<Record>,
     pub(super) slots: Vec<Slot>,
@@ -237,6 +242,8 @@ impl Recording {
         let mut recording = Self {
             devices,
             device,
+            reading: settings.clone(),
+            sent: Sent::new(),
             is_real: !records.iter().any(in_lockstep),
             is_understood: false,
             header,
@@ -255,11 +262,12 @@ impl Recording {
                     return Err("its client was scripted in a file; drive with a client".to_owned());
                 }
                 Record::In { t, port, bytes } => {
-                    last = *t;
+                    last = last.max(*t);
                     let bytes = bytes.0.iter().map(|byte| (*t, *byte));
                     client.entry((*port).into()).or_default().extend(bytes);
                 }
                 Record::Out { t, dt, port, bytes } => {
+                    last = last.max(*t);
                     let bytes = (0u64..)
                         .zip(&bytes.0)
                         .map(|(at, byte)| (t + at * dt, *byte));
@@ -305,7 +313,37 @@ impl Recording {
             recording.find_stalls();
             leave_out(&recording.stalls, &mut recording.slots);
         }
+        recording.sent = vehicle;
         Ok(recording)
+    }
+
+    /// The vehicle's replies as they are read with these settings.
+    pub(super) fn seen_with(&self, settings: &SimSettings) -> Seen {
+        self.align(self.frames(&self.sent, Sender::Device, settings))
+    }
+
+    /// Reads all bytes with these settings from now on. Poses are added after that.
+    pub(super) fn read_with(&mut self, settings: &SimSettings) {
+        self.seen = self.seen_with(settings);
+        self.reading = settings.clone();
+    }
+
+    /// The usual time between two messages of each kind that the vehicle sends by itself, s.
+    pub(super) fn periods(&self) -> Vec<f64> {
+        let mut times: BTreeMap<_, Vec<u64>> = BTreeMap::new();
+        for slot in self.slots.iter().filter(|slot| slot.own.is_some()) {
+            times.entry(&slot.text).or_default().push(slot.at);
+        }
+        let period = |times: Vec<u64>| {
+            let waits = times.windows(2).map(|two| (two[1] - two[0]) as f64 / 1e9);
+            let mut waits: Vec<f64> = waits.collect();
+            let (usual, _) = middle(&waits);
+            // An adapter delivers some earlier and some later.
+            waits.retain(|wait| (wait / usual - 1.0).abs() < 0.5);
+            waits.iter().sum::<f64>() / waits.len() as f64
+        };
+        let periods = times.into_values().map(period);
+        periods.filter(|period| period.is_finite()).collect()
     }
 
     /// The first `part` of `of` equal parts.
@@ -316,6 +354,8 @@ impl Recording {
         let acts = self.acts.iter().take_while(|act| !later(act));
         Self {
             header: self.header.clone(),
+            reading: self.reading.clone(),
+            sent: Sent::new(),
             acts: acts.cloned().collect(),
             slots: self.slots[..count].to_vec(),
             seen: self.seen[..count].to_vec(),
@@ -392,7 +432,7 @@ impl Recording {
         let times = self.slots.iter().filter(|slot| slot.is_pose());
         let times: Vec<u64> = times.map(|slot| slot.at).collect();
         let (sent, track) = self.replay(settings, seed, &times)?;
-        let mut seen = self.align(self.frames(&sent, Sender::Device, settings));
+        let mut seen = self.align(self.frames(&sent, Sender::Device, &self.reading));
         let poses = self
             .slots
             .iter()
@@ -456,7 +496,7 @@ impl Recording {
 
     /// Keeps every third of the same kind for the judgement of a fit.
     fn hold_out(&mut self) {
-        let mut counts = std::collections::BTreeMap::new();
+        let mut counts = BTreeMap::new();
         for slot in &mut self.slots {
             let count = counts.entry(slot.text.clone()).or_insert(0usize);
             slot.held_out = *count % 3 == 2;
@@ -500,7 +540,7 @@ impl Recording {
     /// frequent message.
     fn find_stalls(&mut self) {
         if self.device.host.chatters {
-            let mut times: std::collections::BTreeMap<_, Vec<u64>> = Default::default();
+            let mut times: BTreeMap<_, Vec<u64>> = Default::default();
             for slot in &self.slots {
                 times.entry(&slot.text).or_default().push(slot.at);
             }
@@ -517,7 +557,7 @@ impl Recording {
             self.stalls.extend(stalls.map(|(two, _)| (two[0], two[1])));
             return;
         }
-        let mut waits: std::collections::BTreeMap<_, Vec<f64>> = Default::default();
+        let mut waits: BTreeMap<_, Vec<f64>> = Default::default();
         for reply in self.seen.iter().flatten() {
             waits.entry(reply.form).or_default().push(reply.values[0]);
         }

@@ -406,20 +406,29 @@ impl<'a> Search<'a> {
         self.recordings.iter().any(|recording| recording.is_real)
     }
 
-    /// Each other value of each choice, and each number a small and a large step up and down. Settings without
-    /// effect are left out.
+    /// Each other value of each choice, each number a small and a large step up and down, and each time as often as the
+    /// vehicle sends by itself. Settings without effect are left out.
     fn trials(&self, model: &Model, idle: &BTreeSet<usize>) -> Result<Vec<Trial>, String> {
         let mut planned = Vec::new();
+        let periods: Vec<f64> = self
+            .recordings
+            .iter()
+            .flat_map(Recording::periods)
+            .collect();
         let knobs = self.knobs.iter().enumerate();
         for (knob, about) in knobs.filter(|(at, about)| !about.is_chance && !idle.contains(at)) {
             let choices = about.choices.iter().map(|one| (one.clone(), None));
             let steps = STEPS.iter().filter(|_| about.choices.is_empty());
             let now = about.literal_in(&model.settings);
             let number = about.number_of(&now);
-            let numbers = steps.map(|step| {
-                let value = about.beyond(number, *step);
-                (about.literal(&model.settings, value), Some(*step))
-            });
+            let numbers = steps.map(|step| (*step, about.beyond(number, *step)));
+            let times = periods
+                .iter()
+                .filter_map(|period| about.number_of_time(*period));
+            let times = times.map(|value| (about.steps_between(number, value), value));
+            let numbers = numbers.chain(times);
+            let numbers =
+                numbers.map(|(step, value)| (about.literal(&model.settings, value), Some(step)));
             let values = choices.chain(numbers);
             for (literal, step) in values.filter(|(literal, _)| *literal != now) {
                 if let Some(settings) = about.set(&model.settings, &literal) {
@@ -576,6 +585,37 @@ impl<'a> Search<'a> {
     fn saved_at(&self, before: &Model, after: &Model, at: (usize, usize)) -> f64 {
         self.cost_at(before, at) - self.cost_at(after, at)
     }
+}
+
+/// Reads the bytes of recordings in the way in which the model explains them best: in the wrong order, they say nothing
+/// of other settings.
+pub(super) fn read_best(recordings: &mut [Recording], base: &SimSettings) -> Result<(), String> {
+    let knobs = Knob::all(base, recordings[0].device.id, &[]);
+    let values = knobs.iter().flat_map(|knob| {
+        let values = knob.choices.iter();
+        values.filter_map(|value| knob.set(base, value))
+    });
+    let differs = |settings: &SimSettings| {
+        let mut all = recordings.iter();
+        all.any(|one| one.seen_with(settings) != one.seen)
+    };
+    let others: Vec<SimSettings> = values.filter(differs).collect();
+    if others.is_empty() {
+        return Ok(());
+    }
+    let mut best = (f64::INFINITY, base);
+    for settings in std::iter::once(base).chain(&others) {
+        recordings
+            .iter_mut()
+            .for_each(|one| one.read_with(settings));
+        let search = Search::new(recordings, settings.clone(), &[]);
+        let cost = search.cost(&search.model(settings, 1.0)?, false);
+        if cost < best.0 {
+            best = (cost, settings);
+        }
+    }
+    recordings.iter_mut().for_each(|one| one.read_with(best.1));
+    Ok(())
 }
 
 /// The values of all settings, by key.
