@@ -14,7 +14,7 @@ const CLOSE: f64 = 2.0;
 const CLOSE_STEPS: f64 = 0.5;
 
 /// Parts of the names of settings that only set the amount of noise.
-const CHANCE: [&str; 3] = [".noise.", ".tolerance.", "spread"];
+const CHANCE: [&str; 4] = [".noise", ".tolerance.", "spread", ".crosstalk"];
 /// Settings of the calculation, which are not properties of a vehicle.
 const OF_THE_MODEL: [&str; 2] = ["world.step", "world.tolerances"];
 /// The usual baud rates, which are tried.

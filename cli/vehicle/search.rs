@@ -23,6 +23,8 @@ mod judge;
 mod linear;
 mod numbers;
 
+/// Parts of the names of settings of the differences between vehicles of one make.
+const OF_MAKE: [&str; 2] = [".tolerance.", "roller_spread"];
 /// Plays with different seeds, from which the model's scatter is estimated.
 const SEEDS: u64 = 6;
 /// Further plays, which show the cost of a perfect model.
@@ -369,7 +371,8 @@ impl<'a> Search<'a> {
     /// The settings without noise.
     fn quiet(&self, mut settings: SimSettings) -> SimSettings {
         // Which vehicle it is of its make is no noise.
-        let is_noise = |knob: &&Knob| knob.is_chance && !knob.key.contains("tolerance");
+        let of_make = |knob: &&Knob| OF_MAKE.iter().any(|part| knob.key.contains(part));
+        let is_noise = |knob: &&Knob| knob.is_chance && !of_make(knob);
         for knob in self.all.iter().filter(is_noise) {
             settings = knob.set_number(&settings, 0.0).unwrap_or(settings);
         }
