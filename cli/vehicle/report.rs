@@ -108,7 +108,7 @@ pub(super) struct SettingRow {
     pub(super) number: Option<(f64, [Option<f64>; 2], String)>,
     #[serde(skip)]
     is_whole: bool,
-    /// Settings that explain as much.
+    /// Settings that it may be instead.
     pub(super) or: Vec<String>,
     /// The evidence for it, or what would be evidence.
     pub(super) why: String,
@@ -209,7 +209,7 @@ fn not_written(search: &Search<'_>, found: &Found) -> String {
         return "too little of the recording takes part".to_owned();
     }
     match search.doubt(found) {
-        Some(Doubt::Others) => format!("one of these explains as much: {}", found.or.join(", ")),
+        Some(Doubt::Others) => format!("it may be one of these instead: {}", found.or.join(", ")),
         Some(Doubt::Left) => "too much is left of what it changes".to_owned(),
         Some(Doubt::Shaky) => {
             "it saves little, and no more than luck where another setting replaces one that was found"

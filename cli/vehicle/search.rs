@@ -203,13 +203,12 @@ impl<'a> Search<'a> {
     /// Searches for the changes, and judges them.
     pub(super) fn run(&self) -> Result<Findings, String> {
         let assumed = self.model(&self.base, 1.0)?;
-        let mut model = self.model(&self.grown()?.settings, 1.0)?;
-        let trials = self.trials(&model, &BTreeSet::new())?;
-        let mut found = self.prune(&mut model, &trials)?;
-        if let Some(better) = self.again_from_certain(&model, &found)? {
-            model = self.model(&better.settings, 1.0)?;
-            found = self.prune(&mut model, &trials)?;
+        let mut model = self.model(&self.grown()?, 1.0)?;
+        let mut found = self.prune(&mut model)?;
+        if let Some((better, found_there)) = self.again_from_certain(&model, &found)? {
+            (model, found) = (better, found_there);
         }
+        let trials = self.trials(&model, &BTreeSet::new())?;
         self.measure(&model, &mut found, &trials)?;
         let mut verdicts = self.verdicts(&model, &found, &trials);
         let mut written = self.base.clone();
@@ -274,7 +273,12 @@ impl<'a> Search<'a> {
             true => self.costs(model)?.each.iter().sum(),
             false => self.cost(model, false),
         };
-        Ok(cost + self.margin() * self.changed(&model.settings).len() as f64)
+        Ok(cost + self.of_changes(&model.settings))
+    }
+
+    /// Cost of changes by their number.
+    fn of_changes(&self, settings: &SimSettings) -> f64 {
+        self.margin() * self.changed(settings).len() as f64
     }
 
     /// Settings that differ from those at first.

@@ -469,6 +469,7 @@ fn a_wider_spread_of_reply_times_is_not_taken_for_a_delay() {
         ("small", "0ms", &[(DELAY, "1ms")], true),
         ("small", "1.1ms", &[(DELAY, "1ms")], true),
         ("small", "0ms", &[(DELAY, "1ms"), (SPREAD, "350us")], true),
+        ("small", "0ms", &[(DELAY, "1ms"), (SPREAD, "50us")], true),
     ] {
         let found = find(part, base, changes, "r150.reply");
         assert_eq!(found, (vec![], is_certain, true), "{base} {changes:?}");

@@ -52,8 +52,8 @@ impl Promise<'_> {
 }
 
 impl Search<'_> {
-    /// The model that reproduces the recordings.
-    pub(super) fn grown(&self) -> Result<Model, String> {
+    /// The settings with which the model reproduces the recordings.
+    pub(super) fn grown(&self) -> Result<SimSettings, String> {
         let mut kept = vec![self.base.clone()];
         for part in 1..=BEGINNINGS {
             let recordings = self.recordings.iter();
@@ -81,13 +81,13 @@ impl Search<'_> {
         self.again(kept)
     }
 
-    /// The model that is found from the changes that are certain, if it is better. Instead of each change that is not,
-    /// others were tried, but not instead of several at once.
+    /// The model that is found from the changes that are certain, and what was found in it, if it is clearly better.
+    /// Instead of each change that is not certain, others were tried, but never instead of several at once.
     pub(super) fn again_from_certain(
         &self,
         model: &Model,
         found: &[Found],
-    ) -> Result<Option<Model>, String> {
+    ) -> Result<Option<(Model, Vec<Found>)>, String> {
         // Their intervals, and so doubts about them, are not known yet.
         let doubted = found.iter().filter(|one| self.doubt(one).is_some());
         if doubted.clone().count() < 2 {
@@ -99,14 +99,26 @@ impl Search<'_> {
             let taken_back = knob.set(&certain, &knob.default_in(&certain));
             certain = taken_back.unwrap_or(certain);
         }
-        let next = self.again(vec![certain])?;
-        let saves = self.price(model, true)? - self.price(&next, true)?;
-        Ok((saves > self.margin()).then_some(next))
+        let mut next = self.model(&self.again(vec![certain])?, 1.0)?;
+        if !self.is_clearly_better(model, &next)? {
+            return Ok(None);
+        }
+        let found = self.prune(&mut next)?;
+        let is_still = self.is_clearly_better(model, &next)?;
+        Ok(is_still.then_some((next, found)))
     }
 
-    /// The best model of these sets at its best values, searched again from there as long as chance does not explain
+    /// Returns whether other settings cost less by more than luck, with the same scatter.
+    fn is_clearly_better(&self, model: &Model, next: &Model) -> Result<bool, String> {
+        let moved = self.moved(model, vec![next.settings.clone()])?.remove(0);
+        let (saves, least) = self.gain(&self.costs(model)?, &self.costs(&moved)?);
+        let [before, after] = [model, next].map(|one| self.of_changes(&one.settings));
+        Ok(saves + before - after > least)
+    }
+
+    /// The best of these sets at its best values, searched again from there as long as chance does not explain
     /// what is left: a change may have been tried before another that it needs, or far from where its effect was seen.
-    fn again(&self, mut kept: Vec<SimSettings>) -> Result<Model, String> {
+    fn again(&self, mut kept: Vec<SimSettings>) -> Result<SimSettings, String> {
         let mut model = self.model(&kept[0], 1.0)?;
         for _ in 0..MOST_AGAIN {
             if self.is_explained(&model) {
@@ -125,7 +137,7 @@ impl Search<'_> {
         for at in &numbers {
             model = self.bisect(model, *at)?;
         }
-        self.polish(model, &numbers, f64::INFINITY)
+        Ok(self.polish(model, &numbers, f64::INFINITY)?.settings)
     }
 
     /// Adds changes and takes them back, from several sets of them on; returns the best sets.
@@ -200,8 +212,8 @@ impl Search<'_> {
     ) -> Result<Vec<Model>, String> {
         let polish = |next: Model| {
             let numbers = self.numbers(&next.settings);
-            let of_changes = self.margin() * self.changed(&next.settings).len() as f64;
-            self.polish(next, &numbers, worst - of_changes + LUCK)
+            let goal = worst - self.of_changes(&next.settings) + LUCK;
+            self.polish(next, &numbers, goal)
         };
         let mut all = Vec::new();
         let numbers = self.numbers(&model.settings);

@@ -65,7 +65,8 @@ impl Search<'_> {
 
     /// Takes back changes that the others explain as well, exchanges those for which another explains more, and
     /// records those that explain as much. The numbers of the others are at their best each time.
-    pub(super) fn prune(&self, model: &mut Model, trials: &[Trial]) -> Result<Vec<Found>, String> {
+    pub(super) fn prune(&self, model: &mut Model) -> Result<Vec<Found>, String> {
+        let trials = &*self.trials(model, &BTreeSet::new())?;
         let mut swaps = MOST_SWAPS;
         'model: loop {
             let (removals, costs) = self.take_back(model)?;
@@ -346,17 +347,21 @@ impl Search<'_> {
     /// Share of what a removed number did that a wider spread of times to reply explains: replies are later on average
     /// with it, and scatter more.
     fn by_spread(&self, model: &Model, costs: &Costs, removal: &Removal) -> Result<f64, String> {
-        let times = |model: &Model, from: &dyn Fn(usize, usize) -> Option<f64>| {
-            let all = self.slots(false).filter_map(|(at, slot)| {
-                let time = *model.cells[at][slot].mean.first()?;
-                // A pose, and a message without a request, have no time to reply.
-                (time > 0.0).then_some(from(at, slot)? - time)
-            });
-            middle(&all.collect::<Vec<_>>())
+        // A pose, and a message without a request, have no time to reply.
+        let times = |time: &dyn Fn(usize, usize) -> Option<[f64; 2]>| {
+            let all = self.slots(false).filter_map(|(at, slot)| time(at, slot));
+            let all = all.filter(|[before, _]| *before > 0.0);
+            middle(
+                &all.map(|[before, after]| after - before)
+                    .collect::<Vec<_>>(),
+            )
         };
         let plain = &removal.plain;
-        let found = |at: usize, slot: usize| model.cells[at][slot].mean.first().copied();
-        let later = times(plain, &found).0;
+        let later = times(&|at, slot| {
+            let [before, after] = [plain, model].map(|one| one.cells[at][slot].mean.first());
+            Some([*before?, *after?])
+        });
+        let later = later.0;
         if later == 0.0 {
             return Ok(0.0);
         }
@@ -372,12 +377,19 @@ impl Search<'_> {
         if left >= least.max(SHARE * removal.saves) {
             return Ok(0.0);
         }
+        // The mean of a few plays scatters, too; a play without noise does not.
         let scatter = |seen: &[Seen]| {
-            let time = |at: usize, slot: usize| seen[at][slot].as_ref()?.values.first().copied();
-            times(model, &time).1
+            let scatter = times(&|at, slot| {
+                let [before, after] = [&*model.quiet, seen].map(|play| play[at][slot].as_ref());
+                Some([before?, after?].map(|reply| reply.values[0]))
+            });
+            scatter.1
         };
+        let plays = model.members.iter().chain(&model.fresh);
+        let of_model = plays.clone().map(|play| scatter(play)).sum::<f64>();
+        let wider = scatter(&self.vehicle) - of_model / plays.count() as f64;
         // The mean of an even spread is twice its median deviation.
-        Ok(2.0 * (scatter(&self.vehicle) - scatter(&model.fresh[0])) / later)
+        Ok(2.0 * wider / later)
     }
 
     /// Residual cost beyond chance of all replies that differ from another model's, and the most that chance
@@ -447,7 +459,7 @@ impl Search<'_> {
         };
         let plays: Vec<_> = plays.map(pull_of_play).collect();
         let [by_part, by_play] = [pulls, plays].map(|pulls| {
-            let pulls = DMatrix::from_columns(&pulls);
+            let pulls = DMatrix::from_fn(numbers.len(), pulls.len(), |row, at| pulls[at][row]);
             covariance.as_ref().map_or(0.0 * &pulls, |all| all * pulls)
         });
         let mut all = Vec::new();
@@ -485,8 +497,9 @@ impl Search<'_> {
             let [least, most] = knob.moves(value, others.map(|other| &*other.as_good));
             let before = knob.number_in(&self.base);
             let with_spread = value + one.by_spread * (before - value);
-            let low = low.map(|low| low.min(with_spread).min(knob.beyond(value, -by_itself)));
-            let high = high.map(|high| high.max(with_spread).max(knob.beyond(value, by_itself)));
+            let [least_itself, most_itself] = [value.min(with_spread), value.max(with_spread)];
+            let low = low.map(|low| low.min(knob.beyond(least_itself, -by_itself)));
+            let high = high.map(|high| high.max(knob.beyond(most_itself, by_itself)));
             let low = low.map(|low| knob.beyond(low, least).min(knob.beyond(value, -by_others)));
             let high = high.map(|high| knob.beyond(high, most).max(knob.beyond(value, by_others)));
             all.push(Some((value, [low, high])));

@@ -73,7 +73,7 @@ fn what_is_certain_is_searched_again_without_several_others() {
         });
         let model = search.model(&with(changes), 1.0).unwrap();
         let better = search.again_from_certain(&model, &doubted.collect::<Vec<_>>());
-        let better = better.unwrap()?;
+        let (better, _) = better.unwrap()?;
         let changed = search.changed(&better.settings).into_iter();
         Some(changed.map(|at| &*search.knobs[at].key).collect::<Vec<_>>())
     };
