@@ -185,6 +185,22 @@ fn a_car_is_played_as_long_as_it_sends() {
 }
 
 #[test]
+fn a_number_that_leaves_no_reply_has_no_close_interval() {
+    let whole = drive(
+        &["questions"],
+        &with(&["r150.boot_time=40ms".to_owned()]),
+        3,
+    );
+    let recordings = [whole.beginning(1, whole.slots.len())];
+    let (search, findings) = search(&recordings, &["r150.boot_time"]);
+    let [found] = &*findings.found else {
+        panic!("{:?}", claims(&search, &findings));
+    };
+    assert_eq!(recordings[0].seen, [None]);
+    assert_eq!(search.doubt(found), Some(Doubt::OneEnd));
+}
+
+#[test]
 fn numbers_are_changed_by_steps_and_back() {
     for knob in Knob::all(&with(&[]), "r150", &[]) {
         let number = knob.number_in(&with(&[]));
