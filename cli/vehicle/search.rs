@@ -116,6 +116,9 @@ pub(super) struct Found {
     pub(super) shown_by: (usize, usize),
 }
 
+/// What was found, and the trials of the model that has it.
+type Judged = (Vec<Found>, Vec<Trial>);
+
 /// Why a change that was found is not certain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Doubt {
@@ -204,11 +207,11 @@ impl<'a> Search<'a> {
     pub(super) fn run(&self) -> Result<Findings, String> {
         let assumed = self.model(&self.base, 1.0)?;
         let mut model = self.model(&self.grown()?, 1.0)?;
-        let mut found = self.prune(&mut model)?;
-        if let Some((better, found_there)) = self.again_from_certain(&model, &found)? {
-            (model, found) = (better, found_there);
+        let mut judged = self.prune(&mut model)?;
+        if let Some(better) = self.again_from_certain(&model, &judged.0)? {
+            (model, judged) = better;
         }
-        let trials = self.trials(&model, &BTreeSet::new())?;
+        let (mut found, trials) = judged;
         self.measure(&model, &mut found, &trials)?;
         let mut verdicts = self.verdicts(&model, &found, &trials);
         let mut written = self.base.clone();

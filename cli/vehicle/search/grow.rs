@@ -12,7 +12,7 @@ use rigsim_core::settings::SimSettings;
 use super::super::model::{Cell, cost};
 use super::super::recording::Recording;
 use super::numbers::FIRST_WIDTH;
-use super::{Found, LUCK, Model, Search, Trial};
+use super::{Found, Judged, LUCK, Model, Search, Trial};
 
 /// Number of beginnings of the recordings, searched one after the other.
 const BEGINNINGS: usize = 8;
@@ -87,7 +87,7 @@ impl Search<'_> {
         &self,
         model: &Model,
         found: &[Found],
-    ) -> Result<Option<(Model, Vec<Found>)>, String> {
+    ) -> Result<Option<(Model, Judged)>, String> {
         // Their intervals, and so doubts about them, are not known yet.
         let doubted = found.iter().filter(|one| self.doubt(one).is_some());
         if doubted.clone().count() < 2 {
@@ -103,9 +103,9 @@ impl Search<'_> {
         if !self.is_clearly_better(model, &next)? {
             return Ok(None);
         }
-        let found = self.prune(&mut next)?;
+        let judged = self.prune(&mut next)?;
         let is_still = self.is_clearly_better(model, &next)?;
-        Ok(is_still.then_some((next, found)))
+        Ok(is_still.then_some((next, judged)))
     }
 
     /// Returns whether other settings cost less by more than luck, with the same scatter.

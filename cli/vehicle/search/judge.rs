@@ -13,7 +13,9 @@ use super::super::recording::{Seen, middle};
 use super::grow::NEEDED;
 use super::linear::Linear;
 use super::numbers::SMALL_WIDTH;
-use super::{Costs, Doubt, ENOUGH, Found, LUCK, Model, Play, SHARE, Search, Trial, Verdict};
+use super::{
+    Costs, Doubt, ENOUGH, Found, Judged, LUCK, Model, Play, SHARE, Search, Trial, Verdict,
+};
 
 /// Most changes that are exchanged for others.
 const MOST_SWAPS: usize = 8;
@@ -64,13 +66,18 @@ impl Search<'_> {
     }
 
     /// Takes back changes that the others explain as well, exchanges those for which another explains more, and
-    /// records those that explain as much. The numbers of the others are at their best each time.
-    pub(super) fn prune(&self, model: &mut Model) -> Result<Vec<Found>, String> {
-        let trials = &*self.trials(model, &BTreeSet::new())?;
+    /// records those that explain as much. The numbers of the others are at their best each time. Also returns the
+    /// trials of the model that is left.
+    pub(super) fn prune(&self, model: &mut Model) -> Result<Judged, String> {
         let mut swaps = MOST_SWAPS;
+        let (mut tried, mut trials) = (None, Vec::new());
         'model: loop {
             let (removals, costs) = self.take_back(model)?;
-            let linear = self.linear(model, self.acting(model, trials))?;
+            if tried.as_ref() != Some(&model.settings) {
+                trials = self.trials(model, &BTreeSet::new())?;
+                tried = Some(model.settings.clone());
+            }
+            let linear = self.linear(model, self.acting(model, &trials))?;
             let cost = self.cost(model, false);
             let mut found: Vec<Found> = Vec::new();
             for removal in removals {
@@ -79,7 +86,7 @@ impl Search<'_> {
                 let (mut or, mut as_good) = (Vec::new(), Vec::new());
                 let is_weak = knob.choices.is_empty() && linear.need(removal.knob) < NEEDED;
                 if is_weak {
-                    let (names, next) = self.numbers_instead(model, &costs, &removal, trials)?;
+                    let (names, next) = self.numbers_instead(model, &costs, &removal, &trials)?;
                     let by_next = self.costs(&next)?;
                     let ((left, least), (saves, _)) =
                         (self.gain(&by_next, &costs), self.gain(&costs, &by_next));
@@ -96,7 +103,7 @@ impl Search<'_> {
                         as_good.push(next.settings);
                     }
                 }
-                let mut others = self.instead(&removal, &literal, trials)?;
+                let mut others = self.instead(&removal, &literal, &trials)?;
                 others.extend(self.two_instead(model, &linear, removal.knob)?);
                 let mut better: Option<(f64, Model)> = None;
                 for (names, tried) in others {
@@ -145,7 +152,7 @@ impl Search<'_> {
                     && one.or.is_empty()
                     && self.is_needless(model, &found, one.knob)?;
             }
-            return Ok(found);
+            return Ok((found, trials));
         }
     }
 
