@@ -25,7 +25,7 @@ const ADDED: usize = 4;
 const CHANCE: f64 = 1.1;
 /// Most searches of the whole recordings from where one ended.
 const MOST_AGAIN: usize = 3;
-/// First-order saving above which the search, while it grows, does not try to take a change back. At its end it does not
+/// First-order saving above which the search does not try to take a change back while it grows. At its end it does not
 /// let all other numbers take the place of such a change, since that takes long.
 pub(super) const NEEDED: f64 = 1000.0;
 

@@ -322,7 +322,7 @@ impl Search<'_> {
     }
 
     /// The names of numbers that best explain what a removed one did, and the model with them. No names if those that
-    /// were found do. Where many explain more than the model, which has these costs, they are only those that are needed.
+    /// were found do. Where many explain more than the model, which has these costs, only those that are needed.
     fn numbers_instead(
         &self,
         model: &Model,
