@@ -163,7 +163,15 @@ impl Search<'_> {
         loop {
             all.sort_by(|one, other| one.0.total_cmp(&other.0));
             all.truncate(KEPT);
-            let is_done = !is_last && self.is_explained(&all[0].2);
+            let next = all.iter().find(|one| !one.1);
+            let is_done = match is_last {
+                false => self.is_explained(&all[0].2),
+                // From a set that costs far more than one that explains all, nothing better comes.
+                true if next.is_some_and(|next| next.0 > all[0].0 + NEEDED) => {
+                    self.is_explained(&self.model(&all[0].2.settings, scale)?)
+                }
+                true => false,
+            };
             let open = all.iter_mut().find(|one| !one.1);
             let Some((_, is_searched, model)) = open.filter(|_| !is_done) else {
                 break;
