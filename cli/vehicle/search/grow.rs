@@ -28,6 +28,8 @@ const MOST_AGAIN: usize = 3;
 /// First-order saving above which the search does not try to take a change back while it grows. At its end it does not
 /// let all other numbers take the place of such a change, since that takes long.
 pub(super) const NEEDED: f64 = 1000.0;
+/// Cost beyond that of a set which explains all, from which no search of another leads below it.
+const DEAR: f64 = 1000.0;
 
 /// Settings, by what was changed: choices with their values.
 type Set = Vec<(usize, String)>;
@@ -166,8 +168,7 @@ impl Search<'_> {
             let next = all.iter().find(|one| !one.1);
             let is_done = match is_last {
                 false => self.is_explained(&all[0].2),
-                // From a set that costs far more than one that explains all, nothing better comes.
-                true if next.is_some_and(|next| next.0 > all[0].0 + NEEDED) => {
+                true if next.is_some_and(|next| next.0 > all[0].0 + DEAR) => {
                     self.is_explained(&self.model(&all[0].2.settings, scale)?)
                 }
                 true => false,
