@@ -95,7 +95,7 @@ impl SerialLine {
         self.catch_up(now);
         self.attached = false;
         self.lose_arrived();
-        self.to_device.discard_beyond(UART_FIFO);
+        self.to_device.discard_beyond(UART_FIFO, now);
     }
 
     /// Returns whether a client has the port open.
@@ -137,7 +137,7 @@ impl SerialLine {
         self.reported
             .retain(|reported| *reported != code::BAUD_MISMATCH);
         if baud == 0 {
-            self.to_device.discard_beyond(0);
+            self.to_device.discard_beyond(0, now);
             return Some(event::hung_up());
         }
         let reported = self.reported.len() < reported;

@@ -171,9 +171,10 @@ impl Direction {
     }
 
     /// Takes back all but so many of the bytes that have not begun their way.
-    pub(super) fn discard_beyond(&mut self, kept: usize) {
-        let begun = usize::from(self.shifting.is_some());
+    pub(super) fn discard_beyond(&mut self, kept: usize, now: SimTime) {
+        let begun = usize::from(self.shifting.is_some() && self.begins <= now);
         self.waiting.truncate(begun + kept);
+        self.shifting.take_if(|_| self.waiting.is_empty());
     }
 
     /// Loses the oldest of what was handed over together, until there is room for so many bytes more or

@@ -391,6 +391,21 @@ fn at_speed_0_nothing_passes_and_nothing_waits() {
 }
 
 #[test]
+fn bytes_that_an_adapter_holds_are_lost_when_the_port_hangs_up() {
+    let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Usb);
+    line.attach(SimTime::ZERO);
+    let now = SimTime::from_micros(10);
+    line.client_sends(now, &[1, 2]);
+    line.set_client_line(now, ClientLine::at(0));
+    assert_eq!(line.next_for_device(), None);
+    line.set_client_line(now, ClientLine::at(115_200));
+    line.client_sends(now, &[3]);
+    let frame = SimTime::from_millis(1);
+    let byte = uart::byte_time(115_200, 1);
+    assert_eq!(arrivals(&mut line), [((frame + byte).as_nanos(), 3)]);
+}
+
+#[test]
 fn parity_and_flow_control_are_reported_once_for_each_client() {
     let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
     for _ in 0..2 {
