@@ -166,13 +166,9 @@ impl Search<'_> {
             all.sort_by(|one, other| one.0.total_cmp(&other.0));
             all.truncate(KEPT);
             let next = all.iter().find(|one| !one.1);
-            let is_done = match is_last {
-                false => self.is_explained(&all[0].2),
-                true if next.is_some_and(|next| next.0 > all[0].0 + DEAR) => {
-                    self.is_explained(&self.model(&all[0].2.settings, scale)?)
-                }
-                true => false,
-            };
+            let is_far = !is_last || next.is_some_and(|next| next.0 > all[0].0 + DEAR);
+            // Chance is that of its own plays, not of those that it was moved from.
+            let is_done = is_far && self.is_explained(&self.model(&all[0].2.settings, scale)?);
             let open = all.iter_mut().find(|one| !one.1);
             let Some((_, is_searched, model)) = open.filter(|_| !is_done) else {
                 break;
