@@ -1,6 +1,7 @@
 //! A recording of a vehicle, and what the model answers to the same bytes at the same times.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
 
@@ -30,6 +31,10 @@ const BEFORE: u64 = 200_000_000;
 /// A reply was delayed if it is later than usual by more than this, ns, and ten times the spread. The
 /// machine stalled if it was late by this.
 const LATE: u64 = 5_000_000;
+/// First messages of a kind whose place in their period is taken, before an inexact period matters.
+const FIRST: usize = 20;
+/// Most periods of the most frequent message that a vehicle is taken to have been on before the recording.
+const MOST_AHEAD: u32 = 64;
 /// Stands for the link of poses beside the recording.
 const POSES: usize = usize::MAX;
 
@@ -56,6 +61,8 @@ pub(super) struct Recording {
     /// When the recording machine stalled, ns.
     stalls: Vec<(u64, u64)>,
     end: SimTime,
+    /// How long before the recording the model is switched on, ns: so that it sends by itself when the vehicle does.
+    ahead: u64,
 }
 
 /// Something that is compared: a request, or a message that the device sends by itself.
@@ -253,6 +260,7 @@ impl Recording {
             offset: None,
             stalls: Vec::new(),
             end: SimTime::ZERO,
+            ahead: 0,
         };
         let (mut client, mut vehicle) = (Sent::new(), Sent::new());
         let mut last = 0;
@@ -312,6 +320,7 @@ impl Recording {
         if recording.is_real {
             recording.find_stalls();
             leave_out(&recording.stalls, &mut recording.slots);
+            recording.ahead = recording.find_ahead(settings)?;
         }
         recording.sent = vehicle;
         Ok(recording)
@@ -330,20 +339,47 @@ impl Recording {
 
     /// The usual time between two messages of each kind that the vehicle sends by itself, s.
     pub(super) fn periods(&self) -> Vec<f64> {
-        let mut times: BTreeMap<_, Vec<u64>> = BTreeMap::new();
-        for slot in self.slots.iter().filter(|slot| slot.own.is_some()) {
-            times.entry(&slot.text).or_default().push(slot.at);
+        let times = own_times(&self.slots).into_values();
+        let periods = times.filter_map(|times| period(&times));
+        periods.map(|period| period / 1e9).collect()
+    }
+
+    /// How long before the recording the vehicle may have been switched on, as far as the times tell at which it sends by
+    /// itself, ns. A model that sends at other times reports another place and speed.
+    fn find_ahead(&self, settings: &SimSettings) -> Result<u64, String> {
+        if !self.device.host.chatters {
+            return Ok(0);
         }
-        let period = |times: Vec<u64>| {
-            let waits = times.windows(2).map(|two| (two[1] - two[0]) as f64 / 1e9);
-            let mut waits: Vec<f64> = waits.collect();
-            let (usual, _) = middle(&waits);
-            // An adapter delivers some earlier and some later.
-            waits.retain(|wait| (wait / usual - 1.0).abs() < 0.5);
-            waits.iter().sum::<f64>() / waits.len() as f64
+        let (sent, _) = self.replay(settings, 0, &[])?;
+        let frames = self.frames(&sent, Sender::Device, settings);
+        let slots: Vec<Slot> = frames.iter().map(|one| slot(one, self.device)).collect();
+        let [vehicle, model] = [&self.slots, &slots].map(|slots| own_times(slots));
+        let lead = |(kind, times): (&&str, &Vec<u64>)| {
+            let [of_vehicle, of_model] = [times, model.get(kind)?].map(|times| {
+                let period = period(times)?;
+                Some((period, phase(times, period)))
+            });
+            let ((period, vehicle), (_, model)) = (of_vehicle?, of_model?);
+            Some((period, model - vehicle))
         };
-        let periods = times.into_values().map(period);
-        periods.filter(|period| period.is_finite()).collect()
+        let mut leads: Vec<(f64, f64)> = vehicle.iter().filter_map(lead).collect();
+        leads.sort_by(|one, other| one.0.total_cmp(&other.0));
+        let Some((shortest, lead)) = leads.first().copied() else {
+            return Ok(0);
+        };
+        // The one that suits the others best, to a millisecond: an adapter does not tell more.
+        let misfit = |ahead: &f64| {
+            let each = leads.iter().map(|(period, lead)| {
+                let periods = (ahead - lead) / period;
+                ((periods - periods.round()).abs() * period / 1e6).round()
+            });
+            each.sum::<f64>()
+        };
+        let all =
+            (0..MOST_AHEAD).map(|count| lead.rem_euclid(shortest) + f64::from(count) * shortest);
+        let best = all.min_by(|one, other| misfit(one).total_cmp(&misfit(other)));
+        let best = Duration::from_secs_f64(best.unwrap_or_default() / 1e9);
+        Ok((SimTime::ZERO + best).as_nanos())
     }
 
     /// The first `part` of `of` equal parts.
@@ -457,19 +493,45 @@ impl Recording {
             ..self.header.clone()
         };
         header.source.set.clear();
+        let times: Vec<u64> = times.iter().map(|at| at + self.ahead).collect();
         let mut track = Track {
-            times,
+            times: &times,
             poses: Vec::new(),
         };
+        let ahead = Duration::from_nanos(self.ahead);
         let sent = Replay::play(
             self.devices,
             &header,
-            &self.acts,
-            self.end,
+            &self.acts(),
+            self.end + ahead,
             Some(&mut track),
         );
-        let sent = sent.map_err(|error| error.to_string())?;
+        let mut sent = sent.map_err(|error| error.to_string())?;
+        for bytes in sent.values_mut() {
+            bytes.retain(|(at, _)| *at >= self.ahead);
+            bytes.iter_mut().for_each(|(at, _)| *at -= self.ahead);
+        }
+        for pose in &mut track.poses {
+            pose[0] -= ahead.as_secs_f64();
+        }
         Ok((sent, track.poses))
+    }
+
+    /// What the client did, by the clock of the model.
+    fn acts(&self) -> Vec<Record> {
+        let mut acts = self.acts.clone();
+        for act in &mut acts {
+            if let Record::In { t, .. }
+            | Record::Attach { t, .. }
+            | Record::Detach { t, .. }
+            | Record::Line { t, .. }
+            | Record::Add { t, .. }
+            | Record::Clear { t, .. } = act
+            {
+                *t += self.ahead;
+            }
+        }
+        acts
     }
 
     fn frames(&self, sent: &Sent, sender: Sender, settings: &SimSettings) -> Vec<Timed> {
@@ -540,11 +602,8 @@ impl Recording {
     /// frequent message.
     fn find_stalls(&mut self) {
         if self.device.host.chatters {
-            let mut times: BTreeMap<_, Vec<u64>> = Default::default();
-            for slot in &self.slots {
-                times.entry(&slot.text).or_default().push(slot.at);
-            }
-            let often = times.into_values().max_by_key(Vec::len).unwrap_or_default();
+            let times = own_times(&self.slots).into_values();
+            let often = times.max_by_key(Vec::len).unwrap_or_default();
             let waits = often.windows(2).map(|two| (two[1] - two[0]) as f64 / 1e6);
             let (usual, spread) = middle(&waits.clone().collect::<Vec<_>>());
             let late = |wait: f64| (wait - usual) * 1e6;
@@ -582,6 +641,35 @@ fn leave_out(stalls: &[(u64, u64)], slots: &mut [Slot]) {
             }
         }
     }
+}
+
+/// Times of the messages of each kind that the device sends by itself, ns.
+fn own_times(slots: &[Slot]) -> BTreeMap<&str, Vec<u64>> {
+    let mut times: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
+    for slot in slots.iter().filter(|slot| slot.own.is_some()) {
+        times.entry(&slot.text).or_default().push(slot.at);
+    }
+    times
+}
+
+/// The usual time between two messages, ns, if they come regularly.
+fn period(times: &[u64]) -> Option<f64> {
+    let waits = times.windows(2).map(|two| (two[1] - two[0]) as f64);
+    let mut waits: Vec<f64> = waits.collect();
+    let (usual, _) = middle(&waits);
+    // An adapter delivers some earlier and some later.
+    waits.retain(|wait| (wait / usual - 1.0).abs() < 0.5);
+    let is_regular = 4 * waits.len() > 3 * times.len();
+    is_regular.then(|| waits.iter().sum::<f64>() / waits.len() as f64)
+}
+
+/// Mean place of the first messages in their period, ns from the nearest beginning of one.
+fn phase(times: &[u64], period: f64) -> f64 {
+    let turns = times.iter().take(FIRST).map(|at| *at as f64 / period * TAU);
+    let (sin, cos) = turns.fold((0.0, 0.0), |(sin, cos), turn| {
+        (sin + turn.sin(), cos + turn.cos())
+    });
+    sin.atan2(cos) / TAU * period
 }
 
 /// Median, and median deviation from it.
