@@ -1,7 +1,6 @@
 //! A recording of a vehicle, and what the model answers to the same bytes at the same times.
 
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
 
@@ -21,6 +20,8 @@ use crate::print::complain;
 use crate::recording::Lines;
 use crate::visible;
 
+mod rhythm;
+
 /// Longest time to a reply, ns.
 const PATIENCE: u64 = 1_000_000_000;
 /// Time after a stall of the recording machine, or a late reply, in which changes may be shifted by the
@@ -31,10 +32,6 @@ const BEFORE: u64 = 200_000_000;
 /// A reply was delayed if it is later than usual by more than this, ns, and ten times the spread. The
 /// machine stalled if it was late by this.
 const LATE: u64 = 5_000_000;
-/// First messages of a kind whose place in their period is taken, before an inexact period matters.
-const FIRST: usize = 20;
-/// Most periods of the most frequent message that a vehicle is taken to have been on before the recording.
-const MOST_AHEAD: u32 = 64;
 /// Stands for the link of poses beside the recording.
 const POSES: usize = usize::MAX;
 
@@ -339,9 +336,7 @@ impl Recording {
 
     /// The usual time between two messages of each kind that the vehicle sends by itself, s.
     pub(super) fn periods(&self) -> Vec<f64> {
-        let times = own_times(&self.slots).into_values();
-        let periods = times.filter_map(|times| period(&times));
-        periods.map(|period| period / 1e9).collect()
+        rhythm::periods(&self.slots)
     }
 
     /// How long before the recording the vehicle may have been switched on, as far as the times tell at which it sends by
@@ -353,33 +348,7 @@ impl Recording {
         let (sent, _) = self.replay(settings, 0, &[])?;
         let frames = self.frames(&sent, Sender::Device, settings);
         let slots: Vec<Slot> = frames.iter().map(|one| slot(one, self.device)).collect();
-        let [vehicle, model] = [&self.slots, &slots].map(|slots| own_times(slots));
-        let lead = |(kind, times): (&&str, &Vec<u64>)| {
-            let [of_vehicle, of_model] = [times, model.get(kind)?].map(|times| {
-                let period = period(times)?;
-                Some((period, phase(times, period)))
-            });
-            let ((period, vehicle), (_, model)) = (of_vehicle?, of_model?);
-            Some((period, model - vehicle))
-        };
-        let mut leads: Vec<(f64, f64)> = vehicle.iter().filter_map(lead).collect();
-        leads.sort_by(|one, other| one.0.total_cmp(&other.0));
-        let Some((shortest, lead)) = leads.first().copied() else {
-            return Ok(0);
-        };
-        // The one that suits the others best, to a millisecond: an adapter does not tell more.
-        let misfit = |ahead: &f64| {
-            let each = leads.iter().map(|(period, lead)| {
-                let periods = (ahead - lead) / period;
-                ((periods - periods.round()).abs() * period / 1e6).round()
-            });
-            each.sum::<f64>()
-        };
-        let all =
-            (0..MOST_AHEAD).map(|count| lead.rem_euclid(shortest) + f64::from(count) * shortest);
-        let best = all.min_by(|one, other| misfit(one).total_cmp(&misfit(other)));
-        let best = Duration::from_secs_f64(best.unwrap_or_default() / 1e9);
-        Ok((SimTime::ZERO + best).as_nanos())
+        Ok(rhythm::lead(&self.slots, &slots))
     }
 
     /// The first `part` of `of` equal parts.
@@ -602,7 +571,7 @@ impl Recording {
     /// frequent message.
     fn find_stalls(&mut self) {
         if self.device.host.chatters {
-            let times = own_times(&self.slots).into_values();
+            let times = rhythm::own_times(&self.slots).into_values();
             let often = times.max_by_key(Vec::len).unwrap_or_default();
             let waits = often.windows(2).map(|two| (two[1] - two[0]) as f64 / 1e6);
             let (usual, spread) = middle(&waits.clone().collect::<Vec<_>>());
@@ -641,35 +610,6 @@ fn leave_out(stalls: &[(u64, u64)], slots: &mut [Slot]) {
             }
         }
     }
-}
-
-/// Times of the messages of each kind that the device sends by itself, ns.
-fn own_times(slots: &[Slot]) -> BTreeMap<&str, Vec<u64>> {
-    let mut times: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
-    for slot in slots.iter().filter(|slot| slot.own.is_some()) {
-        times.entry(&slot.text).or_default().push(slot.at);
-    }
-    times
-}
-
-/// The usual time between two messages, ns, if they come regularly.
-fn period(times: &[u64]) -> Option<f64> {
-    let waits = times.windows(2).map(|two| (two[1] - two[0]) as f64);
-    let mut waits: Vec<f64> = waits.collect();
-    let (usual, _) = middle(&waits);
-    // An adapter delivers some earlier and some later.
-    waits.retain(|wait| (wait / usual - 1.0).abs() < 0.5);
-    let is_regular = 4 * waits.len() > 3 * times.len();
-    is_regular.then(|| waits.iter().sum::<f64>() / waits.len() as f64)
-}
-
-/// Mean place of the first messages in their period, ns from the nearest beginning of one.
-fn phase(times: &[u64], period: f64) -> f64 {
-    let turns = times.iter().take(FIRST).map(|at| *at as f64 / period * TAU);
-    let (sin, cos) = turns.fold((0.0, 0.0), |(sin, cos), turn| {
-        (sin + turn.sin(), cos + turn.cos())
-    });
-    sin.atan2(cos) / TAU * period
 }
 
 /// Median, and median deviation from it.

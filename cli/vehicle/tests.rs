@@ -5,13 +5,13 @@ use std::path::Path;
 use rigsim_core::SHIPPED;
 use rigsim_core::event::read_hex;
 use rigsim_core::settings::SimSettings;
-use rigsim_runner::trace::{Hexed, PortRecord, Record, Replay};
+use rigsim_runner::trace::{Header, Hexed, PortRecord, Record, Replay};
 use rigsim_settings::{ClientLine, Settings as _, SimTime, parse_assignment, parse_quantity};
 
 use super::knob::Knob;
 use super::page::page;
 use super::plan::{manoeuvres, parts, touching};
-use super::poses::{APART, Track};
+use super::poses::{APART, TimedPose, Track};
 use super::recording::Recording;
 use super::report::{FieldRow, Report};
 use super::search::{Doubt, Findings, Search, Verdict, read_best};
@@ -41,6 +41,24 @@ fn drive_of(
     seed: u64,
     has_poses: bool,
 ) -> Recording {
+    let (header, records, poses) = records_of(id, parts, settings, seed, 0);
+    let mut recording = Recording::of(SHIPPED, header, records, &with(&[])).unwrap();
+    read_best(std::slice::from_mut(&mut recording), &with(&[])).unwrap();
+    if has_poses {
+        let added = recording.add_poses(&poses, Some(0.0), &with(&[]));
+        added.unwrap();
+    }
+    recording
+}
+
+/// What is recorded of a drive that begins so many ns after the vehicle was switched on, and its poses.
+fn records_of(
+    id: &str,
+    parts: &[&str],
+    settings: &SimSettings,
+    seed: u64,
+    begins: u64,
+) -> (Header, Vec<Record>, Vec<TimedPose>) {
     let device = SHIPPED.iter().find(|device| device.id == id).unwrap();
     let own = settings.of_device(device).unwrap();
     let mut all = manoeuvres(device, own).unwrap();
@@ -49,10 +67,14 @@ fn drive_of(
     let client = "lockstep".into();
     let mut records = vec![Record::Time { client, date: None }];
     for link in 0..device.links.len() {
-        let (t, port, line) = (1, PortRecord(0, link), ClientLine::at(own.baud(link)));
+        let (t, port, line) = (
+            begins + 1,
+            PortRecord(0, link),
+            ClientLine::at(own.baud(link)),
+        );
         records.extend([Record::Attach { t, port }, Record::Line { t, port, line }]);
     }
-    let mut t = 1_000_000;
+    let mut t = begins + 1_000_000;
     for frame in all.iter().flat_map(|one| &one.frames) {
         let bytes = Hexed(read_hex(frame.bytes.chars()).unwrap());
         let port = PortRecord(0, frame.link);
@@ -86,13 +108,7 @@ fn drive_of(
             }
         }));
     }
-    let mut recording = Recording::of(SHIPPED, header, records, &with(&[])).unwrap();
-    read_best(std::slice::from_mut(&mut recording), &with(&[])).unwrap();
-    if has_poses {
-        let added = recording.add_poses(&track.poses, Some(0.0), &with(&[]));
-        added.unwrap();
-    }
-    recording
+    (header, records, track.poses)
 }
 
 fn search<'a>(recordings: &'a [Recording], only: &[&str]) -> (Search<'a>, Findings) {
@@ -182,6 +198,34 @@ fn a_car_is_played_as_long_as_it_sends() {
     let played = recording.play(&with(&[]), 5).unwrap();
     assert_eq!(played.last().unwrap().as_ref(), last);
     assert!(last.is_some());
+}
+
+#[test]
+fn a_model_reports_when_a_car_does_that_was_on_before() {
+    // Neither of the car's periods divides it.
+    const BEGINS: u64 = 1_030_000_000;
+    let settings = with(&["mecanum.status_period=126ms".to_owned()]);
+    let (header, records, _) = records_of("mecanum", &["turns"], &settings, 5, BEGINS);
+    let recorded = records
+        .into_iter()
+        .filter_map(|mut record| match &mut record {
+            Record::In { t, .. }
+            | Record::Out { t, .. }
+            | Record::Attach { t, .. }
+            | Record::Line { t, .. } => {
+                *t = t.checked_sub(BEGINS)?;
+                Some(record)
+            }
+            // Without it, the recording is of real time.
+            _ => None,
+        });
+    let recorded = Recording::of(SHIPPED, header, recorded.collect(), &settings).unwrap();
+    let played = recorded.play(&settings, 5).unwrap();
+    let pairs = recorded.seen.iter().flatten().zip(played.iter().flatten());
+    // The length of a report differs by some bytes, and so the time at which it ends.
+    let late = pairs.filter(|(vehicle, model)| vehicle.at.abs_diff(model.at) > 1_500_000);
+    assert_eq!(late.count(), 0);
+    assert!(played.iter().all(Option::is_some));
 }
 
 #[test]

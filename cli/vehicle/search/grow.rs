@@ -167,7 +167,7 @@ impl Search<'_> {
             all.truncate(KEPT);
             let next = all.iter().find(|one| !one.1);
             let is_far = !is_last || next.is_some_and(|next| next.0 > all[0].0 + DEAR);
-            // Chance is that of its own plays, not of those that it was moved from.
+            // Chance is that of plays of this model, not of the one that it was moved from.
             let is_done = is_far && self.is_explained(&self.model(&all[0].2.settings, scale)?);
             let open = all.iter_mut().find(|one| !one.1);
             let Some((_, is_searched, model)) = open.filter(|_| !is_done) else {
