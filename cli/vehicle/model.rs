@@ -11,7 +11,7 @@ const HUBER: f64 = 3.0;
 /// Deviation that chance does not explain, in standard deviations.
 const FAR: f64 = 30.0;
 /// Differences of the reply time that a computer and its adapter explain, ms.
-const ADAPTER: f64 = 2.0;
+pub(super) const ADAPTER: f64 = 2.0;
 
 /// The model's replies to a slot, from several plays that differ by chance.
 #[derive(Debug, Clone)]

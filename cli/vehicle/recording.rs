@@ -31,7 +31,7 @@ const SETTLING: u64 = 1_500_000_000;
 const BEFORE: u64 = 200_000_000;
 /// A reply was delayed if it is later than usual by more than this, ns, and ten times the spread. The
 /// machine stalled if it was late by this.
-const LATE: u64 = 5_000_000;
+pub(super) const LATE: u64 = 5_000_000;
 /// Stands for the link of poses beside the recording.
 const POSES: usize = usize::MAX;
 
@@ -553,8 +553,11 @@ impl Recording {
                 let recent = before.take_while(|at| self.slots[*at].at + PATIENCE > timed.at);
                 let recent: Vec<usize> = recent.filter(free).collect();
                 let with = |command| {
-                    let mut recent = recent.iter().copied();
-                    recent.find(|at| self.slots[*at].command == command)
+                    let same = |at: &usize| self.slots[*at].command == command;
+                    let mut recent = recent.iter().copied().filter(same);
+                    let last = recent.next()?;
+                    let next = (end..self.slots.len()).filter(free).find(same);
+                    Some(self.answered(timed.at, last, [next, recent.next()]))
                 };
                 with(timed.frame.command).or_else(|| with(None))
             };
@@ -565,6 +568,21 @@ impl Recording {
             }
         }
         seen
+    }
+
+    /// The last request before a reply, or the one after or before it, which the vehicle answered instead: in real time,
+    /// a request that comes together with a reply may be before or after it.
+    fn answered(&self, reply: u64, last: usize, others: [Option<usize>; 2]) -> usize {
+        let has_reply = |at: &usize| self.seen.get(*at).is_some_and(Option::is_some);
+        let is_now = |at: usize| self.slots[at].at.abs_diff(reply) < LATE;
+        let [next, before] = others;
+        let next = next.filter(|at| is_now(*at));
+        let before = before.filter(|_| is_now(last));
+        let other = next.into_iter().chain(before).find(has_reply);
+        match other.filter(|_| self.is_real && !has_reply(&last)) {
+            Some(other) => other,
+            None => last,
+        }
     }
 
     /// Records replies that came later than the line can explain; for a device that sends by itself, its most

@@ -244,6 +244,65 @@ fn a_number_that_leaves_no_reply_has_no_close_interval() {
     assert_eq!(search.doubt(found), Some(Doubt::OneEnd));
 }
 
+/// A machine passes all bytes of the vehicle on 1.6 ms late. Some replies then come after the next request.
+#[test]
+fn replies_that_a_machine_delays_are_of_the_same_requests() {
+    for (delay, doubt) in [(0, None), (3, Some(Doubt::Rough)), (12, None)] {
+        let changes = [format!("r150.reply_delay={delay}ms")];
+        let parts = ["questions", "too many commands"];
+        let (header, mut records, _) = records_of("r150", &parts, &with(&changes), 3, 0);
+        records.retain(|record| !matches!(record, Record::Time { .. }));
+        for record in &mut records {
+            if let Record::Out { t, .. } = record {
+                *t += 1_600_000;
+            }
+        }
+        let recordings = [Recording::of(SHIPPED, header, records, &with(&[])).unwrap()];
+        assert!(recordings[0].is_real);
+        let keys = [
+            "r150.reply_delay",
+            "r150.over_rate",
+            "r150.motor_reply_interval",
+        ];
+        let (search, findings) = search(&recordings, &keys);
+        let claims = claims(&search, &findings);
+        if delay == 0 {
+            assert!(findings.found.is_empty(), "{claims:?}");
+            continue;
+        }
+        let [found] = &*findings.found else {
+            panic!("{delay} ms: {claims:?}");
+        };
+        let Some((_, [Some(low), Some(high)])) = found.number else {
+            panic!("{:?}", found.number);
+        };
+        let is_inside = (low..=high).contains(&(f64::from(delay) / 1e3));
+        assert!(
+            is_inside && search.doubt(found) == doubt,
+            "{delay} ms: {low} to {high}"
+        );
+    }
+}
+
+/// Pauses of 17 and 19 ms are refused: in real time, since the machine was late, maybe.
+#[test]
+fn one_late_byte_of_a_real_recording_decides_nothing() {
+    for (time, is_real, doubt) in [
+        ("16ms", false, None),
+        ("16ms", true, Some(Doubt::Before)),
+        ("30ms", true, Some(Doubt::Rough)),
+    ] {
+        let changes = [format!("r150.inter_byte_timeout={time}")];
+        let mut recordings = [drive(&["malformed"], &with(&changes), 3)];
+        recordings[0].is_real = is_real;
+        let (search, findings) = search(&recordings, &["r150.inter_byte_timeout"]);
+        let [found] = &*findings.found else {
+            panic!("{time}: {:?}", claims(&search, &findings));
+        };
+        assert_eq!(search.doubt(found), doubt, "{time}: {:?}", found.number);
+    }
+}
+
 #[test]
 fn numbers_are_changed_by_steps_and_back() {
     for knob in Knob::all(&with(&[]), "r150", &[]) {
@@ -637,19 +696,25 @@ fn campaign_of_many_changes() {
         let (changed, recordings) = vehicle_with_changes(vehicle, changes);
         let begun = std::time::Instant::now();
         let (search, findings) = search(&recordings, &[]);
-        println!(
-            "vehicle {vehicle}: held out {:.0?}, {:.0?}",
-            findings.held_out,
-            begun.elapsed()
-        );
-        let truth = search.model(&changed, 1.0).unwrap();
-        for (name, model) in [("found", &findings.model), ("truth", &truth)] {
-            let (cost, chance) = (search.cost(model, false), search.by_chance(model, false));
-            println!("  {name}: cost {cost:.0}, chance {chance:.0}");
-        }
+        println!("vehicle {vehicle}: {:.0?}", begun.elapsed());
         tally(&search, &findings, &changed, &mut counts);
     }
     println!("{counts:?}");
+}
+
+/// The recording `TRACE` of a vehicle with the settings in `CONFIG`, a line for each, searched among `ONLY`.
+#[test]
+#[ignore = "takes a recording; prints what is found"]
+fn campaign_of_a_recording() {
+    let text = |name| std::fs::read_to_string(std::env::var(name).unwrap()).unwrap();
+    let changes: Vec<String> = text("CONFIG").lines().map(str::to_owned).collect();
+    let trace = std::env::var("TRACE").unwrap();
+    let mut recording = Recording::read(SHIPPED, trace.as_ref(), &with(&[]));
+    let recordings = recording.as_mut().map(std::slice::from_mut).unwrap();
+    read_best(recordings, &with(&[])).unwrap();
+    let only = std::env::var("ONLY").unwrap_or_default();
+    let (search, findings) = search(recordings, &only.split(' ').collect::<Vec<_>>());
+    tally(&search, &findings, &with(&changes), &mut Default::default());
 }
 
 /// Counts what was found of a vehicle with these settings, and prints it.
@@ -659,6 +724,12 @@ fn tally(
     changed: &SimSettings,
     counts: &mut std::collections::BTreeMap<&str, usize>,
 ) {
+    println!("  held out {:.0?}", findings.held_out);
+    let truth = search.model(changed, 1.0).unwrap();
+    for (name, model) in [("found", &findings.model), ("truth", &truth)] {
+        let (cost, chance) = (search.cost(model, false), search.by_chance(model, false));
+        println!("  {name}: cost {cost:.0}, chance {chance:.0}");
+    }
     for (at, knob) in search.knobs.iter().enumerate() {
         let found = findings.found.iter().find(|one| one.knob == at);
         // Of a version, one part at a time.

@@ -8,8 +8,8 @@ use rigsim_core::settings::SimSettings;
 use rigsim_settings::Basis;
 
 use super::super::knob::Knob;
-use super::super::model::{DIFFERENT, cost};
-use super::super::recording::{Seen, middle};
+use super::super::model::{ADAPTER, DIFFERENT, cost};
+use super::super::recording::{LATE, Seen, middle};
 use super::grow::NEEDED;
 use super::linear::Linear;
 use super::numbers::SMALL_WIDTH;
@@ -450,7 +450,8 @@ impl Search<'_> {
         let (rest, weights) = self.rest(model, &self.vehicle);
         let covariance = Self::normal(&slopes, &weights, 0.0).try_inverse();
         // The residual of each part of the recordings pulls the numbers elsewhere: that is their scatter.
-        let left = DVector::from_vec(rest).component_mul(&DVector::from_vec(weights));
+        let weights = DVector::from_vec(weights);
+        let left = DVector::from_vec(rest).component_mul(&weights);
         let part = left.len().div_ceil(PARTS).max(1);
         let pull = |from: usize| {
             let count = part.min(left.len() - from);
@@ -469,6 +470,19 @@ impl Search<'_> {
             let pulls = DMatrix::from_fn(numbers.len(), pulls.len(), |row, at| pulls[at][row]);
             covariance.as_ref().map_or(0.0 * &pulls, |all| all * pulls)
         });
+        // How far the numbers move if the machine delays replies so much.
+        let moves_by = |delay: &dyn Fn(f64) -> f64| {
+            let delays = self.values(model, |(at, slot), cell, channel| {
+                let reply = self.vehicle[at][slot].as_ref();
+                let reply = reply.filter(|_| channel == 0 && self.recordings[at].is_real)?;
+                Some(delay(reply.values[0] - cell.mean[0]))
+            });
+            let pull = DVector::from_vec(delays).component_mul(&weights);
+            let pull = slopes.tr_mul(&pull);
+            covariance.as_ref().map_or(0.0 * &pull, |all| all * &pull)
+        };
+        let centred = moves_by(&|rest| rest.clamp(-ADAPTER, ADAPTER));
+        let by_machine = moves_by(&|_| ADAPTER);
         let mut all = Vec::new();
         for one in &*found {
             let knob = &self.knobs[one.knob];
@@ -495,10 +509,24 @@ impl Search<'_> {
             // Without a steep slope, it may show only in which replies are there, or be hidden by the machine's delays.
             let is_steep = slopes.column(at).amax() >= STEEP;
             let has_slope = is_determined && is_steep && !self.jumps(model, knob)?;
+            let (value, by_itself) = match has_slope {
+                true => (
+                    knob.beyond(value, centred[at]),
+                    by_itself + by_machine[at].abs(),
+                ),
+                false => (value, by_itself),
+            };
             let [low, high] = match has_slope {
                 true => [Some(value); 2],
                 false => self.ends(model, knob)?,
             };
+            // What shows only in which replies are there has no mean, so that one late byte decides.
+            let late = match has_slope || !self.is_real() {
+                true => 0.0,
+                false => knob.number_of_time(LATE as f64 / 1e9).unwrap_or(0.0),
+            };
+            let low = low.map(|low| (low - late).max(low.min(0.0)));
+            let high = high.map(|high| high + late);
             // With another change instead of a found one, it has another value.
             let others = found.iter().filter(|other| other.knob != one.knob);
             let [least, most] = knob.moves(value, others.map(|other| &*other.as_good));

@@ -117,8 +117,15 @@ impl Search<'_> {
         if knob.is_whole() {
             return Ok(false);
         }
-        let tiny = self.ladder(model, knob, [-TINY, TINY].into_iter())?;
-        Ok(tiny.iter().any(|(_, saves)| *saves == 0.0))
+        let value = knob.number_in(&model.settings);
+        let tiny = [-TINY, TINY].map(|steps| knob.beyond(value, steps));
+        let tiny = tiny.map(|value| knob.set_number(&model.settings, value));
+        let tiny = self.moved(model, tiny.into_iter().flatten().collect())?;
+        let does_nothing = |next: &Model| {
+            let column = self.column(model, &model.quiet, &next.quiet);
+            column.iter().all(|change| *change == 0.0)
+        };
+        Ok(tiny.iter().any(does_nothing))
     }
 
     /// Moves a number to the middle of the values that fit best, wherever they are.
