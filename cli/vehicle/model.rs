@@ -137,24 +137,32 @@ fn usual(all: &[f64]) -> f64 {
 /// Widens the scatter of a channel if the recording scatters more than the model: the vehicle has more noise.
 /// It is measured without the model, by the distance of a reply from the middle of its neighbours.
 fn add_noise(cells: &mut [Cell], recording: &Recording) {
-    let mut values: BTreeMap<_, Vec<f64>> = BTreeMap::new();
+    // With their standard deviations, which differ from reply to reply.
+    let mut values: BTreeMap<_, Vec<[f64; 2]>> = BTreeMap::new();
     for (cell, seen) in cells.iter().zip(&recording.seen) {
         let seen = seen.as_ref().filter(|seen| Some(seen.form) == cell.form);
         let values_of = seen.iter().flat_map(|seen| &seen.values).zip(&cell.sd);
         for (channel, (value, sd)) in values_of.enumerate() {
             let of_channel = values.entry((cell.form, channel)).or_default();
-            of_channel.push(value / sd);
+            of_channel.push([*value, *sd]);
         }
     }
-    for values in values.values_mut() {
-        let bends = values.windows(3);
-        let bends: Vec<f64> = bends.map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()).collect();
-        // The median of a normal distribution, and the spread of such a sum.
-        *values = vec![(middle(&bends).0 / (0.6745 * 6.0_f64.sqrt())).max(1.0)];
-    }
+    let factor = |values: Vec<[f64; 2]>| {
+        let bends = values.windows(3).map(|all| {
+            let [before, at, after] = [all[0], all[1], all[2]];
+            let bend = before[0] - 2.0 * at[0] + after[0];
+            bend.abs() / (before[1].powi(2) + 4.0 * at[1].powi(2) + after[1].powi(2)).sqrt()
+        });
+        // The median of a normal distribution.
+        (middle(&bends.collect::<Vec<_>>()).0 / 0.6745).max(1.0)
+    };
+    let factors: BTreeMap<_, f64> = values
+        .into_iter()
+        .map(|(of, values)| (of, factor(values)))
+        .collect();
     for cell in cells {
         for (channel, sd) in cell.sd.iter_mut().enumerate() {
-            let factor = values.get(&(cell.form, channel)).map_or(1.0, |all| all[0]);
+            let factor = factors.get(&(cell.form, channel)).copied().unwrap_or(1.0);
             *sd *= if factor.is_finite() { factor } else { 1.0 };
         }
     }

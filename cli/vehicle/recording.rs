@@ -32,6 +32,10 @@ const BEFORE: u64 = 200_000_000;
 /// A reply was delayed if it is later than usual by more than this, ns, and ten times the spread. The
 /// machine stalled if it was late by this.
 pub(super) const LATE: u64 = 5_000_000;
+/// Cycle of a firmware's measurements, ns. In real time, no message tells where in it the vehicle is.
+const CYCLE: u64 = 20_000_000;
+/// Parts of a cycle: as many as a model has plays.
+const PHASES: u64 = 8;
 /// Stands for the link of poses beside the recording.
 const POSES: usize = usize::MAX;
 
@@ -462,32 +466,41 @@ impl Recording {
             ..self.header.clone()
         };
         header.source.set.clear();
-        let times: Vec<u64> = times.iter().map(|at| at + self.ahead).collect();
+        let ahead = self.ahead + self.phase(seed);
+        let times: Vec<u64> = times.iter().map(|at| at + ahead).collect();
         let mut track = Track {
             times: &times,
             poses: Vec::new(),
         };
-        let ahead = Duration::from_nanos(self.ahead);
         let sent = Replay::play(
             self.devices,
             &header,
-            &self.acts(),
-            self.end + ahead,
+            &self.acts(ahead),
+            self.end + Duration::from_nanos(ahead),
             Some(&mut track),
         );
         let mut sent = sent.map_err(|error| error.to_string())?;
         for bytes in sent.values_mut() {
-            bytes.retain(|(at, _)| *at >= self.ahead);
-            bytes.iter_mut().for_each(|(at, _)| *at -= self.ahead);
+            bytes.retain(|(at, _)| *at >= ahead);
+            bytes.iter_mut().for_each(|(at, _)| *at -= ahead);
         }
         for pose in &mut track.poses {
-            pose[0] -= ahead.as_secs_f64();
+            pose[0] -= ahead as f64 / 1e9;
         }
         Ok((sent, track.poses))
     }
 
-    /// What the client did, by the clock of the model.
-    fn acts(&self) -> Vec<Record> {
+    /// How much earlier a play is switched on, ns: each at another place in a cycle, if no message tells where the
+    /// vehicle is. That is a scatter of the model, too.
+    fn phase(&self, seed: u64) -> u64 {
+        match self.is_real && !self.device.host.chatters {
+            true => seed % PHASES * CYCLE / PHASES,
+            false => 0,
+        }
+    }
+
+    /// What the client did, by the clock of a model that is switched on so much earlier.
+    fn acts(&self, ahead: u64) -> Vec<Record> {
         let mut acts = self.acts.clone();
         for act in &mut acts {
             if let Record::In { t, .. }
@@ -497,7 +510,7 @@ impl Recording {
             | Record::Add { t, .. }
             | Record::Clear { t, .. } = act
             {
-                *t += self.ahead;
+                *t += ahead;
             }
         }
         acts

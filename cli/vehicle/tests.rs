@@ -111,6 +111,24 @@ fn records_of(
     (header, records, track.poses)
 }
 
+/// The records from a time on, as of real time.
+fn in_real_time(records: Vec<Record>, begins: u64) -> Vec<Record> {
+    let later = records
+        .into_iter()
+        .filter_map(|mut record| match &mut record {
+            Record::In { t, .. }
+            | Record::Out { t, .. }
+            | Record::Attach { t, .. }
+            | Record::Line { t, .. } => {
+                *t = t.checked_sub(begins)?;
+                Some(record)
+            }
+            // It names simulated time.
+            _ => None,
+        });
+    later.collect()
+}
+
 fn search<'a>(recordings: &'a [Recording], only: &[&str]) -> (Search<'a>, Findings) {
     let only: Vec<String> = only.iter().map(|key| (*key).to_owned()).collect();
     let search = Search::new(recordings, with(&[]), &only);
@@ -206,26 +224,31 @@ fn a_model_reports_when_a_car_does_that_was_on_before() {
     const BEGINS: u64 = 1_030_000_000;
     let settings = with(&["mecanum.status_period=126ms".to_owned()]);
     let (header, records, _) = records_of("mecanum", &["turns"], &settings, 5, BEGINS);
-    let recorded = records
-        .into_iter()
-        .filter_map(|mut record| match &mut record {
-            Record::In { t, .. }
-            | Record::Out { t, .. }
-            | Record::Attach { t, .. }
-            | Record::Line { t, .. } => {
-                *t = t.checked_sub(BEGINS)?;
-                Some(record)
-            }
-            // Without it, the recording is of real time.
-            _ => None,
-        });
-    let recorded = Recording::of(SHIPPED, header, recorded.collect(), &settings).unwrap();
+    let recorded = in_real_time(records, BEGINS);
+    let recorded = Recording::of(SHIPPED, header, recorded, &settings).unwrap();
     let played = recorded.play(&settings, 5).unwrap();
     let pairs = recorded.seen.iter().flatten().zip(played.iter().flatten());
     // The length of a report differs by some bytes, and so the time at which it ends.
     let late = pairs.filter(|(vehicle, model)| vehicle.at.abs_diff(model.at) > 1_500_000);
     assert_eq!(late.count(), 0);
     assert!(played.iter().all(Option::is_some));
+}
+
+/// No message of an R150 tells when it was switched on.
+#[test]
+fn a_vehicle_anywhere_in_its_cycle_does_what_its_settings_say() {
+    let changes = ["r150.battery.resistance=0.05 ohm".to_owned()];
+    for begins in [1_003_000_000, 1_008_000_000, 1_014_000_000] {
+        let (header, records, _) = records_of("r150", &["turns"], &with(&changes), 5, begins);
+        let recorded = in_real_time(records, begins);
+        let recordings = [Recording::of(SHIPPED, header, recorded, &with(&[])).unwrap()];
+        let search = Search::new(&recordings, with(&[]), &[]);
+        let costs = [with(&changes), with(&[])].map(|settings| {
+            let model = search.model(&settings, 1.0).unwrap();
+            search.cost(&model, false) / search.by_chance(&model, false)
+        });
+        assert!(costs[0] < 1.1 && costs[1] > 1.5, "{begins}: {costs:?}");
+    }
 }
 
 #[test]
@@ -250,8 +273,8 @@ fn replies_that_a_machine_delays_are_of_the_same_requests() {
     for (delay, doubt) in [(0, None), (3, Some(Doubt::Rough)), (12, None)] {
         let changes = [format!("r150.reply_delay={delay}ms")];
         let parts = ["questions", "too many commands"];
-        let (header, mut records, _) = records_of("r150", &parts, &with(&changes), 3, 0);
-        records.retain(|record| !matches!(record, Record::Time { .. }));
+        let (header, records, _) = records_of("r150", &parts, &with(&changes), 3, 0);
+        let mut records = in_real_time(records, 0);
         for record in &mut records {
             if let Record::Out { t, .. } = record {
                 *t += 1_600_000;
