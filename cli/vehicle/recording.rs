@@ -32,9 +32,9 @@ const BEFORE: u64 = 200_000_000;
 /// A reply was delayed if it is later than usual by more than this, ns, and ten times the spread. The
 /// machine stalled if it was late by this.
 pub(super) const LATE: u64 = 5_000_000;
-/// Cycle of a firmware's measurements, ns. In real time, no message tells where in it the vehicle is.
+/// Cycle in which an R150 measures its speed, ns. In real time, no message tells where in it the vehicle is.
 const CYCLE: u64 = 20_000_000;
-/// Parts of a cycle: as many as a model has plays.
+/// Parts of a cycle: as many as a model has plays with noise.
 const PHASES: u64 = 8;
 /// Stands for the link of poses beside the recording.
 const POSES: usize = usize::MAX;
@@ -494,7 +494,8 @@ impl Recording {
     /// vehicle is. That is a scatter of the model, too.
     fn phase(&self, seed: u64) -> u64 {
         match self.is_real && !self.device.host.chatters {
-            true => seed % PHASES * CYCLE / PHASES,
+            // Few plays are spread over the whole cycle, too.
+            true => 3 * seed % PHASES * CYCLE / PHASES,
             false => 0,
         }
     }
@@ -548,8 +549,8 @@ impl Recording {
         }
     }
 
-    /// Assigns frames of the device to what they answer: the last request of their command, or bytes that are
-    /// not a request. A message that it sends by itself goes to the nearest one of the recording.
+    /// Assigns frames of the device to what they answer: the last request of their command or its neighbour, or bytes
+    /// that are not a request. A message that it sends by itself goes to the nearest one of the recording.
     fn align(&self, frames: Vec<Timed>) -> Seen {
         let mut seen: Seen = self.slots.iter().map(|_| None).collect();
         for timed in frames {
@@ -569,7 +570,9 @@ impl Recording {
                     let same = |at: &usize| self.slots[*at].command == command;
                     let mut recent = recent.iter().copied().filter(same);
                     let last = recent.next()?;
-                    let next = (end..self.slots.len()).filter(free).find(same);
+                    let later = end..self.slots.len();
+                    let mut soon = later.take_while(|at| self.slots[*at].at < timed.at + LATE);
+                    let next = soon.find(|at| free(at) && same(at));
                     Some(self.answered(timed.at, last, [next, recent.next()]))
                 };
                 with(timed.frame.command).or_else(|| with(None))
@@ -583,19 +586,14 @@ impl Recording {
         seen
     }
 
-    /// The last request before a reply, or the one after or before it, which the vehicle answered instead: in real time,
-    /// a request that comes together with a reply may be before or after it.
+    /// The last request before a reply, or its neighbour if the vehicle answered that one at about this time. In real
+    /// time, a request that comes together with a reply may be before or after it.
     fn answered(&self, reply: u64, last: usize, others: [Option<usize>; 2]) -> usize {
-        let has_reply = |at: &usize| self.seen.get(*at).is_some_and(Option::is_some);
-        let is_now = |at: usize| self.slots[at].at.abs_diff(reply) < LATE;
-        let [next, before] = others;
-        let next = next.filter(|at| is_now(*at));
-        let before = before.filter(|_| is_now(last));
-        let other = next.into_iter().chain(before).find(has_reply);
-        match other.filter(|_| self.is_real && !has_reply(&last)) {
-            Some(other) => other,
-            None => last,
-        }
+        let seen = |at: usize| self.seen.get(at).and_then(Option::as_ref);
+        let is_now = |at: &usize| seen(*at).is_some_and(|seen| seen.at.abs_diff(reply) < LATE);
+        let other = others.into_iter().flatten().find(is_now);
+        let other = other.filter(|_| self.is_real && seen(last).is_none());
+        other.unwrap_or(last)
     }
 
     /// Records replies that came later than the line can explain; for a device that sends by itself, its most

@@ -307,7 +307,7 @@ fn replies_that_a_machine_delays_are_of_the_same_requests() {
     }
 }
 
-/// Pauses of 17 to 19 ms are refused: in real time, since the machine was late, maybe.
+/// A timeout of 16 ms refuses pauses of 17 to 19 ms. In real time, the machine may have been late.
 #[test]
 fn one_late_byte_of_a_real_recording_decides_nothing() {
     for (time, is_real, doubt) in [

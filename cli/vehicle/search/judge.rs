@@ -474,7 +474,8 @@ impl Search<'_> {
         let moves_by = |delay: &dyn Fn(f64) -> f64| {
             let delays = self.values(model, |(at, slot), cell, channel| {
                 let reply = self.vehicle[at][slot].as_ref();
-                let reply = reply.filter(|_| channel == 0 && self.recordings[at].is_real)?;
+                let is_time = channel == 0 && self.recordings[at].is_real;
+                let reply = reply.filter(|reply| is_time && Some(reply.form) == cell.form)?;
                 Some(delay(reply.values[0] - cell.mean[0]))
             });
             let pull = DVector::from_vec(delays).component_mul(&weights);
@@ -509,13 +510,11 @@ impl Search<'_> {
             // Without a steep slope, it may show only in which replies are there, or be hidden by the machine's delays.
             let is_steep = slopes.column(at).amax() >= STEEP;
             let has_slope = is_determined && is_steep && !self.jumps(model, knob)?;
-            let (value, by_itself) = match has_slope {
-                true => (
-                    knob.beyond(value, centred[at]),
-                    by_itself + by_machine[at].abs(),
-                ),
-                false => (value, by_itself),
+            let [centre, delay] = match has_slope {
+                true => [centred[at], by_machine[at].abs()],
+                false => [0.0; 2],
             };
+            let (value, by_itself) = (knob.beyond(value, centre), by_itself + delay);
             let [low, high] = match has_slope {
                 true => [Some(value); 2],
                 false => self.ends(model, knob)?,
@@ -525,7 +524,7 @@ impl Search<'_> {
                 true => 0.0,
                 false => knob.number_of_time(LATE as f64 / 1e9).unwrap_or(0.0),
             };
-            let low = low.map(|low| (low - late).max(low.min(0.0)));
+            let low = low.map(|low| low - late);
             let high = high.map(|high| high + late);
             // With another change instead of a found one, it has another value.
             let others = found.iter().filter(|other| other.knob != one.knob);
@@ -540,6 +539,9 @@ impl Search<'_> {
             all.push(Some((value, [low, high])));
         }
         for (one, number) in found.iter_mut().zip(all) {
+            if let Some((value, _)) = number {
+                one.literal = self.knobs[one.knob].literal(&model.settings, value);
+            }
             one.number = number;
         }
         Ok(())

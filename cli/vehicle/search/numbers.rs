@@ -24,7 +24,7 @@ const WIDTH: f64 = 400.0;
 /// Least change from which a slope is taken, in steps. Tyres slip and stick at other times after any change, however
 /// small, which hides what two changes do together if they nearly cancel one another.
 const LEAST_WIDTH: f64 = 0.2;
-/// The first such change, and a small one, which also shows whether a number acts in jumps only.
+/// The first such change, and a small one.
 pub(super) const FIRST_WIDTH: f64 = 0.6;
 pub(super) const SMALL_WIDTH: f64 = 0.25;
 /// A change, in steps, that does nothing if a number acts in jumps.
@@ -117,10 +117,9 @@ impl Search<'_> {
         if knob.is_whole() {
             return Ok(false);
         }
-        let value = knob.number_in(&model.settings);
-        let tiny = [-TINY, TINY].map(|steps| knob.beyond(value, steps));
-        let tiny = tiny.map(|value| knob.set_number(&model.settings, value));
-        let tiny = self.moved(model, tiny.into_iter().flatten().collect())?;
+        let tiny = [-TINY, TINY].iter();
+        let tiny = tiny.filter_map(|steps| knob.moved(&model.settings, *steps));
+        let tiny = self.moved(model, tiny.collect())?;
         let does_nothing = |next: &Model| {
             let column = self.column(model, &model.quiet, &next.quiet);
             column.iter().all(|change| *change == 0.0)
