@@ -32,7 +32,8 @@ const BEFORE: u64 = 200_000_000;
 /// A reply was delayed if it is later than usual by more than this, ns, and ten times the spread. The
 /// machine stalled if it was late by this.
 pub(super) const LATE: u64 = 5_000_000;
-/// Cycle in which an R150 measures its speed, ns. In real time, no message tells where in it the vehicle is.
+/// Longest cycle of measurements, ns: of an R150's speed, and of the pulses of a car's slow wheels. In real time, no
+/// message tells where in it the vehicle is.
 const CYCLE: u64 = 20_000_000;
 /// Parts of a cycle: as many as a model has plays with noise.
 const PHASES: u64 = 8;
@@ -490,14 +491,12 @@ impl Recording {
         Ok((sent, track.poses))
     }
 
-    /// How much earlier a play is switched on, ns: each at another place in a cycle, if no message tells where the
-    /// vehicle is. That is a scatter of the model, too.
+    /// How much earlier a play is switched on, ns: in real time, each at another place in a cycle. That is a scatter of
+    /// the model, too.
     fn phase(&self, seed: u64) -> u64 {
-        match self.is_real && !self.device.host.chatters {
-            // Few plays are spread over the whole cycle, too.
-            true => 3 * seed % PHASES * CYCLE / PHASES,
-            false => 0,
-        }
+        // Few plays are spread over the whole cycle, too.
+        let part = 3 * seed % PHASES;
+        u64::from(self.is_real) * part * CYCLE / PHASES
     }
 
     /// What the client did, by the clock of a model that is switched on so much earlier.
